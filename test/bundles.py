@@ -19,6 +19,13 @@ from pathlib import Path
 from fret_monitor import build
 from fret_monitor.runtime import Engine, Evaluator
 
+BELOW_HALF = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R, ptltl: "x < 0.5"}
+"""
 NEGATIVE = """
 format: 1
 inputs:

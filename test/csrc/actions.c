@@ -229,8 +229,7 @@ static int fail(const void * publisher, const struct fm_serialized * message, vo
 
 static void test_thread(void)
 {
-  void * memory;
-  struct fm_engine * engine = make_engine(&memory, NULL);
+  struct fm_engine * engine = make_engine(NULL);
   fm_engine_follow_states(engine);
   fm_engine_follow_clock(engine, read_clock, &simulated, false);
   fm_engine_begin(engine);
@@ -270,8 +269,7 @@ static void test_thread(void)
   fm_actions_join(&thread);
   CHECK(thread == NULL && has_stamp);
   fm_lines_free(&lines);
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 int main(void)

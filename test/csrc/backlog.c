@@ -29,6 +29,7 @@
 
 #include "check.h"
 #include "seen.h"
+#include "engines.h"
 #include "fakes.h"
 #include "engine_locked.h"
 
@@ -245,7 +246,6 @@ static const struct fm_readers readers = {FM_ABI, N_TOPICS, reader};
 
 // ---- a bench -----------------------------------------------------------------------------------
 
-static void * memory;
 static struct fm_receiver * receivers[N_TOPICS];
 static struct fm_violation taken[MOST];
 static uint32_t n_taken;
@@ -257,14 +257,9 @@ static struct fm_engine * make(uint32_t policy, int64_t timeout)
 {
   const int64_t timeouts[] = {0, timeout};
   const struct fm_evaluator_options evaluator = {
-    &monitor, topics, N_TOPICS, policy, reports, timeouts, violates, 0, 0, NULL, false, NULL,
-    NULL, NULL, NULL, NULL};
-  memory = NULL;
-  CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&evaluator)) == 0);
-  const struct fm_engine_options options = {
-    fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, N_TOPICS, NULL, reorder > 0,
-    reorder, false, NULL};
-  struct fm_engine * engine = fm_engine_create(&options);
+    .monitor = &monitor, .topics = topics, .n_topics = N_TOPICS, .policy = policy,
+    .reports = reports, .timeouts = timeouts, .violates = violates};
+  struct fm_engine * engine = create_engine(&evaluator, &readers, reorder > 0 ? reorder : -1);
   memset(subscriptions, 0, sizeof(subscriptions));
   n_taken = 0;
   fm_engine_follow_steady(engine);
@@ -284,8 +279,7 @@ static void destroy(struct fm_engine * engine)
   for (uint32_t topic = 0; topic < N_TOPICS; ++topic) {
     CHECK(fm_receiver_stop(&receivers[topic]));
   }
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 static void call_back(uint32_t topic)
@@ -839,8 +833,8 @@ static struct fm_engine * make_gate(uint32_t policy)
 {
   struct fm_engine * engine = make(policy, 0);
   const struct fm_gate_options rules = {
-    .evaluator = memory, .monitor = &monitor, .topics = topics, .n_topics = N_TOPICS,
-    .from = N_TOPICS, .otherwise = FM_DROP};
+    .evaluator = engine->options.evaluator, .monitor = &monitor, .topics = topics,
+    .n_topics = N_TOPICS, .from = N_TOPICS, .otherwise = FM_DROP};
   gate_memory = malloc((size_t)fm_gate_bytes(&rules));
   fm_engine_guard(engine, fm_gate_init(gate_memory, &rules), &rules);
   arrive(X, false);

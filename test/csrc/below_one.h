@@ -17,9 +17,8 @@
 #ifndef BELOW_ONE_H_
 #define BELOW_ONE_H_
 
-#include <stdlib.h>
-
 #include "engine.h"
+#include "engines.h"
 
 static void reset(void * state) {(void)state;}
 
@@ -49,17 +48,13 @@ static bool read_x(const uint8_t * message, size_t size, struct fm_field * out)
 static const struct fm_reader reader = {.read = read_x, .n_inputs = 1};
 static const struct fm_readers readers = {FM_ABI, 1, &reader};
 
-// The caller destroys the engine and then frees the memory of its evaluator.
-static struct fm_engine * make_engine(void ** memory, const int64_t * timeout)
+// The caller destroys the engine with `destroy_engine`.
+static struct fm_engine * make_engine(const int64_t * timeout)
 {
   const struct fm_evaluator_options evaluator = {
-    &monitor, &topic, 1, FM_EVERY_MESSAGE, &report, timeout, NULL, 0, 0, NULL, true, NULL,
-    NULL, NULL, NULL, NULL};
-  *memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
-  const struct fm_engine_options options = {
-    fm_evaluator_init(*memory, &evaluator), &monitor, &readers, &topic, 1,
-    NULL, false, 0, false, NULL};
-  return fm_engine_create(&options);
+    .monitor = &monitor, .topics = &topic, .n_topics = 1, .policy = FM_EVERY_MESSAGE,
+    .reports = &report, .timeouts = timeout, .reports_recoveries = true};
+  return create_engine(&evaluator, &readers, -1);
 }
 
 #endif  // BELOW_ONE_H_

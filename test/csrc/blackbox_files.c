@@ -181,20 +181,18 @@ static void run_writer(struct fm_engine * engine)
   const struct fm_blackbox_facts facts = fm_blackbox_writer_facts(writer);
   CHECK(facts.kept == N_MESSAGES && facts.written >= 1 && facts.failed == 0);
   check_lines(writer, facts.written);
-  fm_engine_destroy(engine);
+  destroy_engine(engine);
   fm_blackbox_writer_destroy(writer);
 }
 
 static void test_writer(const char * root)
 {
-  void * memory;
   options.folder = in_folder(root, "writer");
   make_others();
   options.memory = 4096;  // less than what is delivered between two looks
   options.poll = 5000000;
   options.after = 20000000;
-  run_writer(make_engine(&memory, NULL));
-  free(memory);
+  run_writer(make_engine(NULL));
 }
 
 int main(int argc, char ** argv)

@@ -19,9 +19,9 @@
 
 #include "announcer.h"
 #include "seen.h"
+#include "engines.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
@@ -96,13 +96,8 @@ int main(int argc, char ** argv)
 {
   chosen = argc > 1 ? argv[1] : "";
   const struct fm_evaluator_options evaluator = {
-    &monitor, NULL, 0, FM_PERIODIC, NULL, NULL, NULL, 1, 0, NULL, false, NULL, NULL, NULL, NULL,
-    NULL};
-  void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
-  const struct fm_engine_options options = {
-    fm_evaluator_init(memory, &evaluator), &monitor, NULL, NULL, 0,
-    NULL, false, 0, false, NULL};
-  struct fm_engine * engine = fm_engine_create(&options);
+    .monitor = &monitor, .policy = FM_PERIODIC, .period = 1};
+  struct fm_engine * engine = create_engine(&evaluator, NULL, -1);
   fm_engine_advance(engine, 1);
   int publisher = 0;
   void * publishers[] = {&publisher};
@@ -112,8 +107,7 @@ int main(int argc, char ** argv)
   fm_announcer_join(&announcer);
   fm_announcer_join(&announcer);  // does nothing
   const uint64_t unpublished = unpublished_of(engine);
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
   if (!is_started || announcer != NULL || published != 1 || unpublished != 0) {
     printf("published %d, not published %lu\n", published, (unsigned long)unpublished);
     return 1;

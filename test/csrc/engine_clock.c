@@ -24,10 +24,10 @@
 
 #include "engine.h"
 #include "seen.h"
+#include "engines.h"
 
 #include <pthread.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <time.h>
 
 #ifdef FM_PAUSE
@@ -142,22 +142,16 @@ static const struct fm_reader reader[] = {
   {.read = read_message, .n_inputs = 1}};
 static const struct fm_readers readers = {FM_ABI, N_TOPICS, reader};
 
-static struct fm_engine * make(void ** memory, int64_t fed_ms)
+static struct fm_engine * make(int64_t fed_ms)
 {
   const int64_t timeouts[] = {fed_ms * MS, (int64_t)QUIET_MS * MS};
   const bool violates[] = {true, true};
   const uint8_t onsets[] = {FM_EVERY_STEP, FM_EVERY_STEP, FM_ONSET};
   const struct fm_evaluator_options options = {
-    &monitor, topics, N_TOPICS, FM_PERIODIC, onsets, timeouts, violates,
-    (int64_t)PERIOD_MS * MS, (int64_t)PATIENCE_MS * MS, NULL, false, NULL, NULL, NULL, NULL, NULL};
-  *memory = NULL;
-  CHECK(posix_memalign(memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
-  const struct fm_engine_options made = {
-    fm_evaluator_init(*memory, &options), &monitor, &readers, topics, N_TOPICS,
-    NULL, false, 0, false, NULL};
-  struct fm_engine * engine = fm_engine_create(&made);
-  CHECK(engine != NULL);
-  return engine;
+    .monitor = &monitor, .topics = topics, .n_topics = N_TOPICS, .policy = FM_PERIODIC,
+    .reports = onsets, .timeouts = timeouts, .violates = violates,
+    .period = (int64_t)PERIOD_MS * MS, .patience = (int64_t)PATIENCE_MS * MS};
+  return create_engine(&options, &readers, -1);
 }
 
 static void deliver(struct fm_engine * engine, uint32_t topic)
@@ -346,8 +340,7 @@ static void threads_share_an_engine_that_follows_clocks(void)
     take, feed, send_seldom, disturb, wake, change_clocks, take_details};
   enum { N_THREADS = sizeof(functions) / sizeof(*functions) };
   pthread_t threads[N_THREADS];
-  void * memory;
-  struct fm_engine * engine = make(&memory, FED_MS);
+  struct fm_engine * engine = make(FED_MS);
   const int64_t begin = steady();
   fm_engine_follow_steady(engine);
   fm_engine_begin(engine);
@@ -369,14 +362,12 @@ static void threads_share_an_engine_that_follows_clocks(void)
   const int64_t ended = steady();
   pthread_join(threads[0], NULL);
   check_counts(engine, end - begun, ended - begin);
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 static void a_process_that_did_not_run_loses_no_period_and_finds_no_silence(void)
 {
-  void * memory;
-  struct fm_engine * engine = make(&memory, 3 * PERIOD_MS);
+  struct fm_engine * engine = make(3 * PERIOD_MS);
   fm_engine_follow_steady(engine);
   fm_engine_begin(engine);
   sleep_ms(30 * PERIOD_MS);
@@ -399,16 +390,14 @@ static void a_process_that_did_not_run_loses_no_period_and_finds_no_silence(void
     sleep_ms(PERIOD_MS);
   }
   CHECK(silence_of(engine, 0).is_silent);
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 static void an_engine_may_be_closed_in_the_middle_of_a_wait(void)
 {
   for (int k = 0; k < 20; ++k) {
-    void * memory;
     pthread_t taker;
-    struct fm_engine * engine = make(&memory, FED_MS);
+    struct fm_engine * engine = make(FED_MS);
     n_taken = 0;
     pthread_create(&taker, NULL, take, engine);
     fm_engine_follow_steady(engine);
@@ -422,8 +411,7 @@ static void an_engine_may_be_closed_in_the_middle_of_a_wait(void)
       beats += taken[n].requirement == BEAT ? 1u : 0u;
     }
     CHECK(beats == time_counts_of(engine).periods);
-    fm_engine_destroy(engine);
-    free(memory);
+    destroy_engine(engine);
   }
 }
 

@@ -32,6 +32,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "engines.h"
 #include "seen.h"
 #include "fakes.h"
 
@@ -353,16 +354,6 @@ static void * read_kept(void * box)
   return NULL;
 }
 
-static struct fm_evaluator * make_evaluator(void ** memory)
-{
-  const struct fm_evaluator_options options = {
-    &monitor, fed, N_TOPICS, FM_RELEVANT_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL,
-    NULL, NULL, NULL, NULL};
-  *memory = NULL;
-  CHECK(posix_memalign(memory, 16, fm_evaluator_bytes(&options)) == 0);
-  return fm_evaluator_init(*memory, &options);
-}
-
 static void check_counts(struct fm_engine * engine)
 {
   uint64_t garbage = 0;
@@ -390,12 +381,9 @@ static void check_counts(struct fm_engine * engine)
 
 int main(void)
 {
-  void * memory;
-  const struct fm_engine_options options = {
-    make_evaluator(&memory), &monitor, &readers, fed, N_TOPICS,
-    NULL, false, 0, false, NULL};
-  struct fm_engine * engine = fm_engine_create(&options);
-  CHECK(engine != NULL);
+  const struct fm_evaluator_options options = {
+    .monitor = &monitor, .topics = fed, .n_topics = N_TOPICS, .policy = FM_RELEVANT_MESSAGE};
+  struct fm_engine * engine = create_engine(&options, &readers, -1);
   void * publishers[] = {(void *)(uintptr_t)&numbers[0], (void *)(uintptr_t)&numbers[1]};
   struct fm_blackbox * box = fm_blackbox_create(1000, 0);
   CHECK(box != NULL);
@@ -435,8 +423,7 @@ int main(void)
   CHECK(refused > 0 && unpublished_of(engine) == refused);
   check_counts(engine);
   CHECK(fm_blackbox_count(box).kept == N_SENDERS * N_MESSAGES + N_TOPICS * N_RENEWALS);
-  fm_engine_destroy(engine);
+  destroy_engine(engine);
   fm_blackbox_destroy(box);
-  free(memory);
   return failures == 0 ? 0 : 1;
 }

@@ -22,6 +22,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "engines.h"
 #include "fakes.h"
 #include "scenarios.h"
 
@@ -68,29 +69,14 @@ static const struct fm_readers readers = {FM_ABI, 1, reader};
 
 // ---- an engine ---------------------------------------------------------------------------------
 
-static void * memory;
-
 static struct fm_engine * make(uint32_t policy, int64_t timeout, int64_t patience)
 {
   const int64_t timeouts[] = {timeout};
   const bool violates[] = {true};
   const struct fm_evaluator_options options = {
-    &monitor, topics, 1, policy, NULL, timeouts, violates, PERIOD, patience,
-    NULL, false, NULL, NULL, NULL, NULL, NULL};
-  memory = NULL;
-  CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
-  const struct fm_engine_options made = {
-    fm_evaluator_init(memory, &options), &monitor, &readers, topics, 1,
-    NULL, false, 0, false, NULL};
-  struct fm_engine * engine = fm_engine_create(&made);
-  CHECK(engine != NULL);
-  return engine;
-}
-
-static void destroy(struct fm_engine * engine)
-{
-  fm_engine_destroy(engine);
-  free(memory);
+    .monitor = &monitor, .topics = topics, .n_topics = 1, .policy = policy, .timeouts = timeouts,
+    .violates = violates, .period = PERIOD, .patience = patience};
+  return create_engine(&options, &readers, -1);
 }
 
 static uint32_t deliver_to(struct fm_engine * engine, uint32_t topic, bool value, int64_t received)
@@ -149,7 +135,7 @@ SCENARIO(what_is_due_is_stamped_with_its_instant)
   }
   const struct fm_time_counts counts = time_counts_of(engine);
   CHECK(counts.periods == 10 && counts.late == 8 && counts.missed == 0 && counts.restarts == 0);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(of_very_many_periods_the_last_are_taken)
@@ -162,7 +148,7 @@ SCENARIO(of_very_many_periods_the_last_are_taken)
   for (uint32_t k = 0; k < FM_MOST_PERIODS_BEHIND; ++k) {
     CHECK(is_taken(k, BEAT, (2002 + (int64_t)k) * PERIOD));
   }
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_clock_that_goes_back_loses_no_period_and_adds_none)
@@ -185,7 +171,7 @@ SCENARIO(a_clock_that_goes_back_loses_no_period_and_adds_none)
   clock.now = 1;
   deliver(engine, true, 3);
   CHECK(are_counted(engine, 10, 0, 2));
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_clock_without_time_lets_nothing_be_due)
@@ -210,7 +196,7 @@ SCENARIO(a_clock_without_time_lets_nothing_be_due)
   CHECK(take(engine) == 1 && is_taken(0, BEAT, 0));
   clock.fails = false;
   CHECK(take(engine) == 0 || silence_of(engine, 0).is_silent);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_message_at_the_instant_of_a_deadline_comes_first)
@@ -238,7 +224,7 @@ SCENARIO(a_message_at_the_instant_of_a_deadline_comes_first)
     const struct fm_silence silence = silence_of(engine, 0);
     CHECK(silence.is_silent && silence.count == 1);
     CHECK(silence.lasted == TIMEOUT + (is_told ? 0 : 1));
-    destroy(engine);
+    destroy_engine(engine);
   }
 }
 
@@ -259,7 +245,7 @@ SCENARIO(a_timeout_that_is_found_late_is_put_off_once)
   deliver(engine, true, 0);
   clock.now += TIMEOUT + PATIENCE;
   CHECK(take(engine) == 2 && is_taken(1, FED, clock.now - PATIENCE));
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_timeout_that_a_coarse_clock_finds_late_is_not_put_off)
@@ -272,7 +258,7 @@ SCENARIO(a_timeout_that_a_coarse_clock_finds_late_is_not_put_off)
   }
   CHECK(clock.now > 100 + TIMEOUT + PATIENCE);
   CHECK(take(engine) == 1 && is_taken(0, FED, 100 + TIMEOUT));
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(another_source_of_the_time_puts_nothing_off)
@@ -297,7 +283,7 @@ SCENARIO(another_source_of_the_time_puts_nothing_off)
   none.now = 7000;
   CHECK(take(engine) == 0 && fm_engine_deadline(engine) == 7090);
   CHECK(are_counted(engine, 1, 0, 0));
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_reset_finds_a_silent_input_anew)
@@ -312,7 +298,7 @@ SCENARIO(a_reset_finds_a_silent_input_anew)
   clock.now += 1;
   CHECK(take(engine) == 1 && is_taken(0, FED, clock.now - 1) && taken[0].step == 0);
   CHECK(silence_of(engine, 0).count == 1 && take(engine) == 0);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_closed_engine_takes_nothing)
@@ -326,13 +312,13 @@ SCENARIO(a_closed_engine_takes_nothing)
   CHECK(take(engine) == 0 && are_counted(engine, 0, 0, 0));
   CHECK(topic_counts_of(engine, 0).messages == 0);
   CHECK(!silence_of(engine, 0).is_silent);
-  destroy(engine);
+  destroy_engine(engine);
   engine = make(FM_PERIODIC, TIMEOUT, 0);
   fm_engine_advance(engine, 0);
   fm_engine_close(engine);
   fm_engine_advance(engine, 10 * TIMEOUT);
   CHECK(take(engine) == 0 && are_counted(engine, 0, 0, 0));
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 // ---- bad input ---------------------------------------------------------------------------------
@@ -350,7 +336,7 @@ SCENARIO(a_record_of_an_unknown_topic_is_ignored)
   CHECK(!silence_of(engine, 1).is_silent && !value_of(engine, 1, room));
   fm_engine_begin_handover(engine, 1, true);
   fm_engine_end_handover(engine, 1);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(an_engine_of_another_abi_is_refused)
@@ -358,11 +344,10 @@ SCENARIO(an_engine_of_another_abi_is_refused)
   struct fm_monitor other = monitor;
   other.abi = FM_ABI + 1;
   struct fm_evaluator_options options = {
-    &other, topics, 1, FM_PERIODIC, NULL, NULL, NULL, PERIOD, 0, NULL, false, NULL, NULL, NULL,
-    NULL, NULL};
+    .monitor = &other, .topics = topics, .n_topics = 1, .policy = FM_PERIODIC, .period = PERIOD};
   CHECK(fm_evaluator_bytes(&options) == 0);
   options.monitor = &monitor;
-  CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
+  void * memory = malloc((size_t)fm_evaluator_bytes(&options));
   options.monitor = &other;
   CHECK(fm_evaluator_init(memory, &options) == NULL);
   options.monitor = &monitor;
@@ -371,12 +356,13 @@ SCENARIO(an_engine_of_another_abi_is_refused)
     {FM_ABI + 1, 1, reader}, {FM_ABI, 2, reader}, {FM_ABI, 0, reader},
     {FM_ABI, 1, (const struct fm_reader[]) {{.read = read_message, .n_inputs = 2}}}};
   for (size_t k = 0; k < sizeof(misfits) / sizeof(*misfits); ++k) {
-    const struct fm_engine_options made = {evaluator, &monitor, &misfits[k], topics, 1,
-      NULL, false, 0, false, NULL};
+    const struct fm_engine_options made = {
+      .evaluator = evaluator, .monitor = &monitor, .readers = &misfits[k], .topics = topics,
+      .n_topics = 1};
     CHECK(fm_engine_create(&made) == NULL);
   }
   const struct fm_engine_options none = {
-    evaluator, &monitor, NULL, topics, 1, NULL, false, 0, false, NULL};
+    .evaluator = evaluator, .monitor = &monitor, .topics = topics, .n_topics = 1};
   CHECK(fm_engine_create(&none) == NULL);
   free(memory);
 }
@@ -389,7 +375,7 @@ SCENARIO(a_deadline_that_never_comes_is_not_waited_for)
   fm_engine_advance(engine, FM_NEVER);
   deliver(engine, true, FM_NEVER);
   CHECK(take(engine) == 1 && fm_engine_deadline(engine) == FM_NEVER);
-  destroy(engine);
+  destroy_engine(engine);
   engine = make(FM_PERIODIC, TIMEOUT, 0);
   fm_engine_advance(engine, FM_NEVER - PERIOD - 1);
   deliver(engine, true, FM_NEVER - PERIOD - 1);
@@ -398,7 +384,7 @@ SCENARIO(a_deadline_that_never_comes_is_not_waited_for)
   CHECK(fm_engine_deadline(engine) == FM_NEVER);
   fm_engine_advance(engine, FM_NEVER);
   CHECK(take(engine) == 0);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(times_at_the_ends_of_the_range_are_times)
@@ -412,12 +398,12 @@ SCENARIO(times_at_the_ends_of_the_range_are_times)
   clock.now = 1;
   CHECK(take(engine) <= FM_MOST_PERIODS_BEHIND && time_counts_of(engine).restarts == 1);
   deliver(engine, true, 0);
-  destroy(engine);
+  destroy_engine(engine);
   engine = make(FM_PERIODIC, TIMEOUT, PATIENCE);
   fm_engine_advance(engine, INT64_MIN);
   fm_engine_advance(engine, INT64_MAX - 1);
   CHECK(take(engine) == FM_MOST_PERIODS_BEHIND);
   fm_engine_advance(engine, INT64_MIN);
   CHECK(take(engine) == 0 && time_counts_of(engine).restarts == 1);
-  destroy(engine);
+  destroy_engine(engine);
 }

@@ -24,10 +24,10 @@
 #include "engine.h"
 #include "engine_locked.h"
 
-#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
+#include "engines.h"
 #include "fakes.h"
 #include "scenarios.h"
 #include "seen.h"
@@ -157,31 +157,16 @@ static const struct fm_readers readers = {FM_ABI, N_TOPICS, reader};
 
 // ---- helpers -----------------------------------------------------------------------------------
 
-static void * memory = NULL;
 static struct fm_violation taken[MOST];
 static uint32_t n_taken;
 
-// With stamps of headers unless `reorder` is negative.
 static struct fm_engine * make(int64_t reorder)
 {
   const struct fm_evaluator_options options = {
-    &monitor, topics, N_TOPICS, FM_TIMED, reports, NULL, NULL, 0, 0, sources, true, NULL,
-    NULL, NULL, NULL, NULL};
-  memory = NULL;
+    .monitor = &monitor, .topics = topics, .n_topics = N_TOPICS, .policy = FM_TIMED,
+    .reports = reports, .sources = sources, .reports_recoveries = true};
   n_taken = 0;
-  CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
-  const struct fm_engine_options made = {
-    fm_evaluator_init(memory, &options), &monitor, &readers, topics, N_TOPICS, sources,
-    reorder >= 0, reorder < 0 ? 0 : reorder, false, NULL};
-  struct fm_engine * engine = fm_engine_create(&made);
-  CHECK(engine != NULL);
-  return engine;
-}
-
-static void destroy(struct fm_engine * engine)
-{
-  fm_engine_destroy(engine);
-  free(memory);
+  return create_engine(&options, &readers, reorder);
 }
 
 static void deliver(
@@ -307,7 +292,7 @@ SCENARIO(deadlines_before_a_message_come_first)
   n_taken = 0;
   take(engine, 0);
   CHECK(count_of(ANSWER) == 1);  // at 1700: x was still true when y ended at 1600
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(ages_are_seconds_from_the_stamp_to_the_reception)
@@ -322,7 +307,7 @@ SCENARIO(ages_are_seconds_from_the_stamp_to_the_reception)
   deliver(engine, TOPIC_X, true, INT64_C(1000000000), INT64_C(1500000000));
   take(engine, 0);
   CHECK(is_taken(OLD, INT64_C(1500000000), 250000000));
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_recovery_is_a_detail_and_no_violation)
@@ -342,7 +327,7 @@ SCENARIO(a_recovery_is_a_detail_and_no_violation)
     n_recoveries += room.detail.violation.is_recovery ? 1u : 0u;
   }
   CHECK(n == 4 && n_recoveries == 2);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 // ---- a clock -----------------------------------------------------------------------------------
@@ -359,7 +344,7 @@ SCENARIO(a_clock_that_starts_again_starts_the_groups_afresh)
   PLAY(engine, CLOCK(500), TAKE);
   // x and y keep their values: asked when the time began again.
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 120, 100));
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(messages_at_one_time_of_a_clock_take_effect_one_by_one)
@@ -378,7 +363,7 @@ SCENARIO(messages_at_one_time_of_a_clock_take_effect_one_by_one)
   CHECK(n_taken == 0);  // a message may still come at that time
   PLAY(engine, CLOCK(1102), TAKE);
   CHECK(is_taken(ANSWER, 1101, 100));  // asked by the second message, at 1001
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_violation_before_another_clock_has_a_time_has_the_stamp_0)
@@ -393,7 +378,7 @@ SCENARIO(a_violation_before_another_clock_has_a_time_has_the_stamp_0)
   }
   take(engine, 0);
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 0, 2));
-  destroy(engine);
+  destroy_engine(engine);
   window = 100;
 }
 
@@ -412,7 +397,7 @@ SCENARIO(an_answer_while_the_clock_stands_at_the_deadline_counts)
       CHECK(count_of(ANSWER) == (uint32_t)late);  // asked at 1001
       CHECK(late == 0 || is_taken(ANSWER, 1101, 100));
       CHECK(time_counts_of(engine).restarts == 0);
-      destroy(engine);
+      destroy_engine(engine);
     }
   }
 }
@@ -433,7 +418,7 @@ SCENARIO(without_a_time_messages_are_steps_of_the_last_instant)
   simulated.fails = false;
   PLAY(engine, CLOCK(10000), TAKE);
   CHECK(is_taken(ANSWER, 600, 100) && is_taken(BEAT, 702, 202));
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 // ---- the steady clock --------------------------------------------------------------------------
@@ -453,7 +438,7 @@ SCENARIO(a_wait_ends_at_the_deadline)
   // Stamped with the time of reception and 30 ms, exactly, if no thread was preempted.
   CHECK(taken[0].stamp - asked - 30 * MS < MS && taken[0].stamp - asked >= 29 * MS);
   window = 100;
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_reception_ends_with_its_message_and_wakes_no_thread)
@@ -466,7 +451,7 @@ SCENARIO(a_reception_ends_with_its_message_and_wakes_no_thread)
   deliver(engine, TOPIC_X, true, 0, time_of(CLOCK_REALTIME) - MS);
   CHECK(requirement_counts_of(engine, BEAT).steps == 2);
   CHECK(requirement_counts_of(engine, BEAT).verdict);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 // As a receiver does in a callback of the middleware. Returns the number of clocks that were read.
@@ -504,7 +489,7 @@ SCENARIO(a_message_in_a_callback_costs_one_reading_of_a_clock)
   CHECK(fm_engine_deadline(engine) == stands_at + 1);  // the reception ends
   set_back = stands_at = 0;
   window = 100;
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 // ---- stamps of headers -------------------------------------------------------------------------
@@ -523,7 +508,7 @@ SCENARIO(messages_take_effect_in_the_order_of_their_stamps)
   take(engine, 0);
   CHECK(is_taken(ANSWER, 1230, 130));
   CHECK(fm_engine_order_counts(engine, TOPIC_X).late == 0);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_message_that_is_too_late_takes_effect_at_once)
@@ -534,7 +519,7 @@ SCENARIO(a_message_that_is_too_late_takes_effect_at_once)
   CHECK(fm_engine_order_counts(engine, TOPIC_Y).late == 0);
   PLAY(engine, ADVANCE(2000), TAKE);
   CHECK(is_taken(ANSWER, 1251, 100));  // asked at 1151: what came before is decided
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_stamp_ahead_of_the_clock_is_counted)
@@ -546,7 +531,7 @@ SCENARIO(a_stamp_ahead_of_the_clock_is_counted)
   CHECK(fm_engine_order_counts(engine, TOPIC_X).ahead == 2);
   CHECK(fm_engine_order_counts(engine, TOPIC_X).most_ahead == 300000000);
   CHECK(fm_engine_order_counts(engine, TOPIC_Y).ahead == 0);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_late_message_takes_effect_after_what_is_decided_then)
@@ -564,7 +549,7 @@ SCENARIO(a_late_message_takes_effect_after_what_is_decided_then)
   PLAY(engine, CLOCK(3000), TAKE);
   CHECK(is_taken(ANSWER, 2001, 971));  // asked again at 1901, after the message at 1900
   CHECK(time_counts_of(engine).restarts == 0);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(messages_of_one_stamp_do_not_move_the_time_back)
@@ -577,7 +562,7 @@ SCENARIO(messages_of_one_stamp_do_not_move_the_time_back)
     TAKE);
   CHECK(time_counts_of(engine).restarts == 0);
   CHECK(requirement_counts_of(engine, ANSWER).steps == 10);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(when_too_many_wait_the_oldest_takes_effect)
@@ -593,7 +578,7 @@ SCENARIO(when_too_many_wait_the_oldest_takes_effect)
   fm_engine_advance(engine, 3000000);
   CHECK(requirement_counts_of(engine, ANSWER).steps == MOST_WAITING + 9);
   CHECK(time_counts_of(engine).restarts == 0);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(when_the_clock_of_stamps_goes_back_what_waits_takes_effect)
@@ -604,7 +589,7 @@ SCENARIO(when_the_clock_of_stamps_goes_back_what_waits_takes_effect)
   CHECK(fm_engine_order_counts(engine, TOPIC_X).late == 0);
   PLAY(engine, CLOCK(540), TAKE, CLOCK(1000), TAKE);
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 550, 100));  // asked at 450, the begin
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(when_the_clock_goes_back_no_deadline_is_taken_that_never_came)
@@ -619,7 +604,7 @@ SCENARIO(when_the_clock_goes_back_no_deadline_is_taken_that_never_came)
   fm_engine_follow_steady(engine);
   take(engine, 0);
   CHECK(!is_taken(ANSWER, 550, 100));
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(when_the_clock_goes_back_the_deadlines_that_have_come_are_taken_first)
@@ -631,7 +616,7 @@ SCENARIO(when_the_clock_goes_back_the_deadlines_that_have_come_are_taken_first)
   PLAY(engine, CLOCK(500), TAKE);
   CHECK(time_counts_of(engine).restarts == 1);
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 10060, 100));
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(messages_that_wait_take_effect_before_another_clock_is_followed)
@@ -645,7 +630,7 @@ SCENARIO(messages_that_wait_take_effect_before_another_clock_is_followed)
   other.now = 20000;  // the stamp of the other clock has come, and means nothing
   take(engine, 0);
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 550, 100));
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_message_without_a_stamp_cannot_be_decoded)
@@ -655,7 +640,7 @@ SCENARIO(a_message_without_a_stamp_cannot_be_decoded)
   const struct fm_origin origin = {1, 0, 0, NULL, false, NULL, 0};
   CHECK(fm_engine_message(engine, TOPIC_Y, message, sizeof(message), &origin) == FM_UNDECODABLE);
   CHECK(topic_counts_of(engine, TOPIC_Y).undecodable == 1);
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 SCENARIO(a_wait_ends_when_a_message_takes_effect)
@@ -671,7 +656,7 @@ SCENARIO(a_wait_ends_when_a_message_takes_effect)
   CHECK(is_taken(ANSWER, now + 2 + 5 * MS, 5 * MS));
   CHECK(later >= 25 * MS && later < 300 * MS);
   window = 100;
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 // A step that is smaller than the time since the last reading is one all the same.
@@ -692,7 +677,7 @@ SCENARIO(a_system_time_that_is_set_back_by_little_lets_what_waits_take_effect)
   CHECK(requirement_counts_of(engine, OLD).steps == 2);
   CHECK(requirement_counts_of(engine, ANSWER).steps == 2);
   set_back = 0;
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 // The times of the messages that a black box keeps. Returns their number.
@@ -733,7 +718,7 @@ SCENARIO(a_deadline_is_stamped_with_a_reception_and_its_bound_to_the_nanosecond)
   stands_at = 0;
   takes = 0;
   set_back = 0;
-  destroy(engine);
+  destroy_engine(engine);
 }
 
 // Threads deliver messages of different topics in another order than that of their receptions.
@@ -755,7 +740,7 @@ SCENARIO(a_message_is_kept_with_the_time_at_which_it_takes_effect)
   CHECK(is_taken(ANSWER, now + 103, 103) || is_taken(ANSWER, now + 103, 102));
   double age = 0.0;
   CHECK(value_of(engine, AGE, &age) && age == (double)(MS + 1) / 1e9);
-  destroy(engine);
+  destroy_engine(engine);
   fm_blackbox_destroy(box);
 }
 
@@ -780,7 +765,7 @@ static bool is_late_after_setting(int64_t forward)
   stands_at = 0;
   set_back = 0;
   window = 100;
-  destroy(engine);
+  destroy_engine(engine);
   return is_late;
 }
 

@@ -144,8 +144,7 @@ static uint64_t end_of_messages(void)
 int main(void)
 {
   const int64_t timeout = SECOND_NS / 2;
-  void * memory;
-  struct fm_engine * engine = make_engine(&memory, &timeout);
+  struct fm_engine * engine = make_engine(&timeout);
   fm_engine_follow_clock(engine, read_clock, &simulated, false);
   int handler = 0;
   void * publishers[] = {&handler};
@@ -195,7 +194,6 @@ int main(void)
   const uint64_t at_end = count(&state);
   pause_ns(3 * HEARTBEAT_NS);
   CHECK(count(&state) == at_end);
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
   return failures == 0 ? 0 : 1;
 }

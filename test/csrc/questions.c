@@ -19,11 +19,11 @@
 #include "graph.h"
 
 #include <stddef.h>
-#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
 #include "check.h"
+#include "engines.h"
 #include "fakes.h"
 #include "seen.h"
 
@@ -158,18 +158,6 @@ static bool read_message(const uint8_t * message, size_t size, struct fm_field *
 static const struct fm_reader reader[] = {{.read = read_message, .n_inputs = 0}};
 static const struct fm_readers readers = {FM_ABI, 1, reader};
 
-static struct fm_engine * make_engine(void ** memory)
-{
-  const struct fm_evaluator_options evaluator = {
-    &monitor, topics, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL,
-    NULL, NULL};
-  *memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
-  const struct fm_engine_options options = {
-    fm_evaluator_init(*memory, &evaluator), &monitor, &readers, topics, 1,
-    NULL, false, 0, false, NULL};
-  return fm_engine_create(&options);
-}
-
 static void test_questions(struct fm_engine * engine, struct fm_graph * graph)
 {
   const uint32_t own = 0;
@@ -225,14 +213,14 @@ static void with_graph(void (* test)(struct fm_engine * engine, struct fm_graph 
 {
   static const struct fm_graph_source source = {0, FM_GRAPH_LIFECYCLE, "/arm", SECOND, ""};
   static const struct fm_service_client client = {NULL, NULL, &service, "/arm/get_state"};
-  void * memory = NULL;
-  struct fm_engine * engine = make_engine(&memory);
+  const struct fm_evaluator_options evaluator = {
+    .monitor = &monitor, .topics = topics, .n_topics = 1, .policy = FM_EVERY_MESSAGE};
+  struct fm_engine * engine = create_engine(&evaluator, &readers, -1);
   struct fm_graph * graph =
     fm_graph_create(engine, &functions, &services, NULL, &source, &client, 1, 0);
   test(engine, graph);
   fm_graph_destroy(graph);
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 int main(void)

@@ -17,10 +17,10 @@
 #include "receiver.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "check.h"
+#include "engines.h"
 #include "fakes.h"
 #include "engine_locked.h"
 #include "seen.h"
@@ -104,18 +104,11 @@ static bool read_message(const uint8_t * message, size_t size, struct fm_field *
 static const struct fm_reader reader[] = {{.read = read_message, .n_inputs = 0}};
 static const struct fm_readers readers = {FM_ABI, 1, reader};
 
-static void * memory;
-
 static struct fm_engine * make_engine(void)
 {
   const struct fm_evaluator_options evaluator = {
-    &monitor, topics, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL,
-    NULL, NULL};
-  memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
-  const struct fm_engine_options options = {
-    fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, 1,
-    NULL, false, 0, false, NULL};
-  return fm_engine_create(&options);
+    .monitor = &monitor, .topics = topics, .n_topics = 1, .policy = FM_EVERY_MESSAGE};
+  return create_engine(&evaluator, &readers, -1);
 }
 
 static uint64_t received(struct fm_engine * engine)
@@ -144,8 +137,7 @@ static void a_callback_takes_a_bounded_number_and_nothing_is_left(void)
   CHECK(received(engine) == 2503);
   CHECK(fm_receiver_stop(&receiver));
   CHECK(fm_engine_lost(engine, 0) == 0);
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 static void a_drain_delivers_all_that_waits(void)
@@ -158,8 +150,7 @@ static void a_drain_delivers_all_that_waits(void)
   fm_engine_drain(engine);
   CHECK(received(engine) == 2500);
   CHECK(fm_receiver_stop(&receiver));
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 // The callback comes while a drain takes, so it leaves its message to the drain.
@@ -176,8 +167,7 @@ static void a_message_that_comes_during_a_drain_is_taken_by_it(void)
   send(&subscription, 1);
   CHECK(received(engine) == 5);  // the callback takes again
   CHECK(fm_receiver_stop(&receiver));
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 static void a_callback_that_is_not_forgotten_does_no_harm(void)
@@ -192,8 +182,7 @@ static void a_callback_that_is_not_forgotten_does_no_harm(void)
   CHECK(received(engine) == 1);
   subscription.listener.keeps_callback = false;  // so that the test can end
   CHECK(fm_receiver_stop(&receiver));
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 // Where the callback must not take, nothing is taken within it.
@@ -216,8 +205,7 @@ static void a_callback_that_only_wakes_leaves_its_messages_to_the_thread_that_ca
   CHECK(received(engine) == 2505);
   CHECK(fm_receiver_stop(&receiver));
   CHECK(fm_engine_lost(engine, 0) == 0);
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 static void what_the_middleware_drops_is_undecodable_and_not_lost(uint32_t taking)
@@ -245,8 +233,7 @@ static void what_the_middleware_drops_is_undecodable_and_not_lost(uint32_t takin
   fm_engine_drain(engine);
   CHECK(topic_counts_of(engine, 0).undecodable == 6);
   CHECK(fm_receiver_stop(&receiver));
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 static void a_middleware_without_a_callback_is_refused(void)
@@ -259,8 +246,7 @@ static void a_middleware_without_a_callback_is_refused(void)
   CHECK(!fm_receiver_start(&receiver, engine, &without, &subscription, 0, FM_WAKE, NULL));
   CHECK(!fm_receiver_start(&receiver, engine, &without, &subscription, 0, FM_LISTEN, NULL));
   CHECK(receiver == NULL);
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 int main(void)

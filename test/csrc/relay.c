@@ -26,6 +26,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "engines.h"
 #include "seen.h"
 #include "fakes.h"
 
@@ -230,7 +231,6 @@ static const struct fm_readers readers = {FM_ABI, 2, reader};
 
 struct bench
 {
-  void * memory;
   void * gate_memory;
   struct fm_engine * engine;
   struct fm_relay * relay;
@@ -246,18 +246,15 @@ static void give_flag(struct fm_engine * engine, bool flag)
 
 static struct bench begin(enum fm_otherwise otherwise, int64_t period)
 {
-  struct bench bench = {NULL, NULL, NULL, NULL};
+  struct bench bench = {NULL, NULL, NULL};
   uint8_t substitute[MESSAGE_BYTES];
   const struct fm_evaluator_options evaluator = {
-    &monitor, topics, 2, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, true, NULL, NULL, NULL,
-    NULL, NULL};
-  bench.memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
-  struct fm_evaluator * made = fm_evaluator_init(bench.memory, &evaluator);
-  const struct fm_engine_options options = {
-    made, &monitor, &readers, topics, 2, NULL, false, 0, false, NULL};
-  bench.engine = fm_engine_create(&options);
+    .monitor = &monitor, .topics = topics, .n_topics = 2, .policy = FM_EVERY_MESSAGE,
+    .reports_recoveries = true};
+  bench.engine = create_engine(&evaluator, &readers, -1);
   const struct fm_gate_options rules = {
-    made, &monitor, topics, 2, LEVEL, (uint32_t)otherwise, 1000000000, period, false, false, 0};
+    bench.engine->options.evaluator, &monitor, topics, 2, LEVEL, (uint32_t)otherwise, 1000000000,
+    period, false, false, 0};
   bench.gate_memory = malloc((size_t)fm_gate_bytes(&rules));
   fm_engine_guard(bench.engine, fm_gate_init(bench.gate_memory, &rules), &rules);
   fm_engine_follow_steady(bench.engine);
@@ -278,9 +275,8 @@ static void end(struct bench * bench)
 {
   fm_relay_join(&bench->relay);
   fm_engine_close(bench->engine);
-  fm_engine_destroy(bench->engine);
+  destroy_engine(bench->engine);
   free(bench->gate_memory);
-  free(bench->memory);
 }
 
 static bool wait_for(struct publisher * publisher, uint32_t n)

@@ -124,13 +124,12 @@ static void deliver(struct fm_engine * engine, uint8_t value)
 
 static void check_thread(void)
 {
-  void * memory;
   int publisher = 0;
   void * publishers[] = {&publisher};
   uint64_t n_of_false;
   bool found;
   struct fm_verdict_thread * thread = NULL;
-  struct fm_engine * engine = make_engine(&memory, NULL);
+  struct fm_engine * engine = make_engine(NULL);
   fm_engine_follow_steady(engine);
   CHECK(fm_verdict_thread_start(&thread, engine, &middleware, publishers, 1));
   fm_engine_begin(engine);
@@ -155,8 +154,7 @@ static void check_thread(void)
   fm_verdict_thread_join(&thread);
   fm_verdict_thread_join(&thread);  // does nothing
   CHECK(thread == NULL);
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
 }
 
 int main(void)

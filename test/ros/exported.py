@@ -47,9 +47,10 @@ from fret_monitor.native.ros_files import (
 )
 import objects
 from ros import forked
-from ros.harness import NodeProcess
+from ros.harness import ending_well, NodeProcess
 
 ROOT = Path(__file__).resolve().parents[2]
+NODES = ('rclpy', 'rcl')
 
 
 @cache
@@ -210,25 +211,24 @@ class ExportedNode(NodeProcess):
             stderr=subprocess.STDOUT, env={**forked.environment(), **(environment or {})})
 
 
-def error_of(program: Path, *arguments: str) -> str:
-    """Return what a node logs before it ends with an error."""
-    node = ExportedNode(program, *arguments)
-    try:
-        assert node.status() == 1
-        return node.output
-    finally:
-        node.kill()
+@contextmanager
+def running(program: Path, *arguments: str,
+            environment: dict[str, str] | None = None) -> Iterator[NodeProcess]:
+    """Start the node and wait until it is ready; it must end well if the test succeeds."""
+    with ending_well(ExportedNode(program, *arguments, environment=environment)) as node:
+        yield node
+
+
+def start(node: str, bundle: Path, *arguments: str) -> NodeProcess:
+    """Start a node of `NODES`, or that on rclpy with a value of `hot_path`, for a bundle."""
+    if node == 'rcl':
+        return ExportedNode(exported_bundle(bundle), *arguments)
+    way = () if node == 'rclpy' else ('-p', f'hot_path:={node}')
+    return NodeProcess('monitor', '-p', f'spec:={bundle}', *way, *arguments)
 
 
 @contextmanager
-def running(program: Path, *arguments: str,
-            environment: dict[str, str] | None = None) -> Iterator[ExportedNode]:
-    """Start the node and wait until it is ready; it must end well if the test succeeds."""
-    node = ExportedNode(program, *arguments, environment=environment)
-    try:
-        node.wait_for('watching')
-        yield node
-        if node.process.poll() is None:
-            assert node.end() == 0, node.output
-    finally:
-        node.kill()
+def monitoring(node: str, bundle: Path, *arguments: str) -> Iterator[NodeProcess]:
+    """Start as `start`, and wait until it is ready; it must end well if the test succeeds."""
+    with ending_well(start(node, bundle, *arguments)) as process:
+        yield process

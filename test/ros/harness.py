@@ -30,13 +30,16 @@ from time import monotonic, sleep
 from typing import Any
 
 from fret_monitor.native import build_library
+from fret_monitor.ros import MonitorNode, Refusal
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
+import pytest
 from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 import rclpy.node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -48,7 +51,7 @@ from std_srvs.srv import Trigger
 PATIENCE = 30.0  # s; the machines that run the tests may be busy
 ASK_AGAIN_S = 3.0
 START = 'import sys; from fret_monitor.ros.{0} import main; sys.argv[0] = "{0}"; sys.exit(main())'
-READY = {'monitor': 'watching', 'gate': 'watching', 'logger': 'listening'}
+READY = {'monitor': 'watching', 'gate': 'watching', 'logger': 'listening', 'exported': 'watching'}
 
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 DEEP = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -130,6 +133,14 @@ class NodeProcess:
             self.kill()
             raise AssertionError(f'{self.name} did not end:\n{output}') from None
 
+    def error(self) -> str:
+        """Wait until it ends with an error, and return what it has written."""
+        try:
+            assert self.status() == 1, self.output
+            return self.output
+        finally:
+            self.kill()
+
     def kill(self) -> None:
         """Kill the process if it still runs, and close its file."""
         if self.process.poll() is None:
@@ -142,11 +153,17 @@ class NodeProcess:
 def started(name: str, *arguments: str, environment: dict[str, str] | None = None,
             folder: Path | None = None, is_anew: bool = False) -> Iterator[NodeProcess]:
     """Start a node and wait until it is ready; it must end well if the test succeeds."""
-    node = NodeProcess(name, *arguments, environment=environment, folder=folder,
-                       is_anew=is_anew)
+    with ending_well(NodeProcess(name, *arguments, environment=environment, folder=folder,
+                                 is_anew=is_anew)) as node:
+        yield node
+
+
+@contextmanager
+def ending_well(node: NodeProcess) -> Iterator[NodeProcess]:
+    """Wait until a node is ready; it must end well if the test succeeds."""
     has_succeeded = False
     try:
-        node.wait_for(READY[name], 4 * PATIENCE)  # it may have to compile
+        node.wait_for(READY[node.name], 4 * PATIENCE)  # it may have to compile
         yield node
         if node.process.poll() is None:
             assert node.end() == 0, node.output
@@ -156,6 +173,23 @@ def started(name: str, *arguments: str, environment: dict[str, str] | None = Non
         if not has_succeeded:
             print(node.output)  # shown with the failure
         node.kill()
+
+
+def make_node[N](
+    kind: Callable[..., N], context: Context, *arguments: str, **given: object,
+) -> N:
+    """Make a node in this process, with these ROS arguments and parameters."""
+    overrides = [Parameter(name, value=str(value) if isinstance(value, Path) else value)
+                 for name, value in given.items()]
+    return kind(context=context, parameter_overrides=overrides,
+                cli_args=['--ros-args', *arguments])
+
+
+def refusal(context: Context, *arguments: str, kind: Any = MonitorNode, **given: Any) -> str:
+    """Return why `make_node` makes no node."""
+    with pytest.raises(Refusal) as found:
+        make_node(kind, context, *arguments, **given)
+    return str(found.value)
 
 
 def settle(seconds: float) -> None:

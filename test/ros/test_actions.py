@@ -24,17 +24,16 @@ from time import monotonic, sleep
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from bundles import spec_of, write_bundle
+from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
 import pytest
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
-from ros.exported import exported_bundle, ExportedNode, running
-from ros.harness import NodeProcess, Partner, RELIABLE, settle, started, wait_until
+from ros.exported import monitoring, NODES, start
+from ros.harness import NodeProcess, Partner, RELIABLE, settle, wait_until
 from std_msgs.msg import Bool, Float32, Int32
 from std_srvs.srv import SetBool, Trigger
 
-NODES = ('rclpy', 'rcl')
 LOCKS = """
 format: 1
 inputs:
@@ -96,20 +95,8 @@ class Log:
 
 
 @contextmanager
-def monitoring(face: str, folder: Path, text: str) -> Iterator[NodeProcess]:
-    """Run a bundle on the node on rclpy or on rcl; it must end well."""
-    if face == 'rclpy':
-        with started('monitor', '-p', spec_of(folder, text)) as node:
-            yield node
-    else:
-        with running(exported_bundle(write_bundle(folder, text))) as exported:
-            yield exported
-
-
-@contextmanager
 def to_be_killed(face: str, folder: Path, text: str) -> Iterator[NodeProcess]:
-    node = NodeProcess('monitor', '-p', spec_of(folder, text)) if face == 'rclpy' else \
-        ExportedNode(exported_bundle(write_bundle(folder, text)))
+    node = start(face, write_bundle(folder, text))
     try:
         node.wait_for('watching')
         yield node
@@ -234,7 +221,7 @@ def test_actions_follow_violations_and_are_counted(
         partner._executor.add_node(limb)
     diagnostics = Diagnostics(partner)
     try:
-        with monitoring(face, tmp_path, BUNDLE) as monitor:
+        with monitoring(face, write_bundle(tmp_path, BUNDLE)) as monitor:
             monitor.wait_for("action 'call' calls /call; action 'slow' calls /slow")
             monitor.wait_for("action 'park' brings /arm to inactive")
             partner.wait_for_listener(n)
@@ -323,12 +310,4 @@ requirements:
 def test_names_that_only_one_part_may_use_are_refused(
     tmp_path: Path, partner: Partner, face: str, remapping: str, reason: str,
 ) -> None:
-    arguments = ('-r', remapping)
-    node = NodeProcess('monitor', '-p', spec_of(tmp_path, SHARED), *arguments) \
-        if face == 'rclpy' else \
-        ExportedNode(exported_bundle(write_bundle(tmp_path, SHARED)), *arguments)
-    try:
-        assert node.status() == 1
-        assert reason in node.output
-    finally:
-        node.kill()
+    assert reason in start(face, write_bundle(tmp_path, SHARED), '-r', remapping).error()

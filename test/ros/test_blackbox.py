@@ -15,7 +15,6 @@
 """The black box: a file at each violation, which `bag` reads; limits; folders that fail."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 import json
 from pathlib import Path
@@ -36,8 +35,8 @@ from fret_monitor.ros.acting.blackbox import BlackBox
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, read_settings
 from fret_monitor.runtime import Engine, Evaluator
 import pytest
-from ros.exported import exported_bundle, ExportedNode
-from ros.harness import LATCHED, NodeProcess, Partner, started, wait_until
+from ros.exported import monitoring, NODES, start
+from ros.harness import LATCHED, Partner, wait_until
 from rosbags.rosbag2 import Reader
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float32, Header
@@ -261,24 +260,7 @@ def test_values_that_cannot_be_used_are_refused(given: dict[str, object], words:
         read_settings({'spec': 'quadrotor.yaml', **given})
 
 
-@contextmanager
-def monitoring(spec: Path, how: str, *arguments: str) -> Iterator[NodeProcess]:
-    """Run the node on rclpy, with a value of hot_path, or the one on rcl."""
-    if how != 'native':
-        with started('monitor', '-p', f'spec:={spec}', '-p', f'hot_path:={how}',
-                     *arguments) as node:
-            yield node
-        return
-    node = ExportedNode(exported_bundle(spec), *arguments)
-    try:
-        node.wait_for('watching')
-        yield node
-        assert node.end() == 0, node.output
-    finally:
-        node.kill()
-
-
-@pytest.mark.parametrize('how', [*HOT_PATHS, 'native'])
+@pytest.mark.parametrize('how', [*HOT_PATHS, 'rcl'])
 def test_a_monitor_writes_a_file_that_bag_judges_alike(
         partner: Partner, tmp_path: Path, how: str, capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -293,7 +275,7 @@ def test_a_monitor_writes_a_file_that_bag_judges_alike(
 
     partner.node.create_subscription(DiagnosticArray, '/diagnostics', keep, 10)
     arguments = ('-p', f'blackbox:={folder}', '-p', 'blackbox_bytes:=4096', '-r', 'x:=y')
-    with monitoring(spec, how, *arguments) as node:
+    with monitoring(how, spec, *arguments) as node:
         publisher = partner.publisher(Float32, 'y')
         other = partner.publisher(Temperature, 'deep/heat')
         partner.wait_for_listener(publisher, other)
@@ -337,13 +319,13 @@ requirements:
 """.replace('KIND', 'sensor_msgs/msg/Temperature')
 
 
-@pytest.mark.parametrize('how', ['on', pytest.param('native', marks=thorough)])
+@pytest.mark.parametrize('how', ['on', pytest.param('rcl', marks=thorough)])
 def test_messages_of_a_topic_with_several_where_are_in_the_file_once(
         partner: Partner, tmp_path: Path, how: str, capsys: pytest.CaptureFixture[str]) -> None:
     spec, folder = tmp_path / 'bundle.yaml', tmp_path / 'box'
     spec.write_text(SELECTED, encoding='utf-8')
     sent = [('a', 0.1), ('c', 9.0), ('b', 0.2), ('a', 0.9), ('c', 0.3), ('b', 0.4), ('a', 0.7)]
-    with monitoring(spec, how, '-p', f'blackbox:={folder}') as node:
+    with monitoring(how, spec, '-p', f'blackbox:={folder}') as node:
         publisher = partner.publisher(Temperature, 't', LATCHED)
         wait_until(lambda: publisher.get_subscription_count() == 2, 'both subscriptions')
         for name, value in sent:
@@ -362,17 +344,12 @@ def test_messages_of_a_topic_with_several_where_are_in_the_file_once(
         'A': 1, 'B': 0}
 
 
-@pytest.mark.parametrize('is_native', [False, True])
+@pytest.mark.parametrize('node', NODES)
 def test_a_folder_that_cannot_be_written_is_an_error_of_configure(
-        tmp_path: Path, domain: int, is_native: bool) -> None:
+        tmp_path: Path, domain: int, node: str) -> None:
     spec = write_bundle(tmp_path, BUNDLE)
-    box = ('-p', f'blackbox:={tmp_path}//./{spec.name}/box/')
-    node = ExportedNode(exported_bundle(spec), *box) if is_native \
-        else NodeProcess('monitor', '-p', f'spec:={spec}', *box)
-    assert node.status() == 1
     assert f"parameter 'blackbox': cannot write to the folder '{spec}/box': Not a directory" \
-        in node.output
-    node.kill()
+        in start(node, spec, '-p', f'blackbox:={tmp_path}//./{spec.name}/box/').error()
 
 
 @pytest.mark.parametrize(('given', 'words'), [
@@ -384,7 +361,5 @@ def test_a_folder_that_cannot_be_written_is_an_error_of_configure(
 def test_the_node_in_c_refuses_values_that_cannot_be_used(
         tmp_path: Path, domain: int, given: str, words: str) -> None:
     folder = () if given.startswith('blackbox:') else ('-p', f'blackbox:={tmp_path}/box')
-    node = ExportedNode(exported_bundle(write_bundle(tmp_path, BUNDLE)), '-p', given, *folder)
-    assert node.status() == 1
-    assert words in node.output
-    node.kill()
+    node = start('rcl', write_bundle(tmp_path, BUNDLE), '-p', given, *folder)
+    assert words in node.error()

@@ -29,7 +29,7 @@ from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.parameter import Parameter
-from ros.harness import Partner, wait_until
+from ros.harness import make_node, Partner, wait_until
 from std_msgs.msg import Float32
 from strategies import HOT_PATHS
 
@@ -132,8 +132,7 @@ def test_a_timeout_comes_beside_periods_in_every_executor(
 ) -> None:
     path = write_bundle(tmp_path, TIMEOUT)
     partner.listen('R', 'ONSET', publishers=0)  # before the time begins
-    with spun(executor, MonitorNode(context=stranger.context, parameter_overrides=[
-            Parameter('spec', value=str(path)), Parameter('hot_path', value=hot_path)])):
+    with spun(executor, make_node(MonitorNode, stranger.context, spec=path, hot_path=hot_path)):
         publisher = partner.publisher(Float32, 'x')
         partner.wait_for_listener(publisher)
         wait_until(lambda: partner.heard['ONSET'] == 1, 'the silence before the first message')

@@ -32,20 +32,21 @@ from bag.random_texts import (
     bundle, Change, expected, INPUTS, lowered, random_value, recorded, TICK_NS, TOPICS, Words,
 )
 from bag.reference import last_values, Message
+from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.model.policies import InputSource, Policy
 import pytest
-from ros.exported import exported_bundle, running
-from ros.harness import NodeProcess, Partner, RELIABLE, started, wait_until
+from ros.exported import monitoring
+from ros.harness import NodeProcess, Partner, RELIABLE, wait_until
 from ros.received import read_detail
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, Float32, Header, Int16
 from strategies import EXAMPLES, thorough
 
 KINDS: dict[str, Any] = {'Bool': Bool, 'Float32': Float32, 'Int16': Int16}
-NODES = ('hot', 'cold', 'native')  # in callbacks, in a thread that they wake, without Python
+NODES = {'hot': 'on', 'cold': 'off', 'native': 'rcl'}
 SIMULATED = ('-p', 'use_sim_time:=true')
 
 
@@ -167,11 +168,7 @@ def all_nodes(bundle: Path) -> Iterator[dict[str, NodeProcess]]:
 
 def node(name: str, bundle: Path) -> AbstractContextManager[NodeProcess]:
     """Start a node."""
-    options = ('-r', f'__ns:=/{name}', *SIMULATED)
-    if name == 'native':
-        return running(exported_bundle(bundle), *options)
-    hot_path = 'off' if name == 'cold' else 'on'
-    return started('monitor', '-p', f'spec:={bundle}', '-p', f'hot_path:={hot_path}', *options)
+    return monitoring(NODES[name], bundle, '-r', f'__ns:=/{name}', *SIMULATED)
 
 
 def play(rng: Random, stream: Stream, ticks: int, every: int) -> None:
@@ -208,8 +205,7 @@ def test_all_faces_find_the_same_on_a_clock_with_ticks(
     partner: Partner, tmp_path: Path, policy: Policy, seed: int,
 ) -> None:
     rng = Random(seed)
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(bundle(Words(rng, policy), 24), encoding='utf-8')
+    path = write_bundle(tmp_path, bundle(Words(rng, policy), 24))
     specification = lowered(build.read(path).specification)
     runs = 3 if policy is Policy.TIMED else 1  # the others keep their past if the clock goes back
     with all_nodes(path) as nodes:

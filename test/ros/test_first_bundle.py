@@ -22,6 +22,7 @@ import subprocess
 import sys
 from time import monotonic, sleep
 
+from bundles import write_bundle
 import pytest
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from ros.harness import Partner, started, wait_until
@@ -46,8 +47,7 @@ def publish(command: str) -> subprocess.CompletedProcess[str]:
 
 def test_the_logger_prints_what_the_readme_says(domain: int, tmp_path: Path) -> None:
     text = README.read_text(encoding='utf-8')
-    bundle = tmp_path / 'robot.yaml'
-    bundle.write_text(text.split('```yaml\n')[1].split('```')[0], encoding='utf-8')
+    bundle = write_bundle(tmp_path, text.split('```yaml\n')[1].split('```')[0], 'robot.yaml')
     messages = re.findall(r'^python examples/publish\.py .*$', text, re.MULTILINE)
     printed = re.findall(r'^The logger prints `([^`]*)`', text, re.MULTILINE)
     assert messages and len(printed) == 1

@@ -24,8 +24,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.cli.main import main
 from fret_monitor.model.names import DETAILS_TOPIC
 import pytest
-from ros.exported import exported_bundle, ExportedNode
-from ros.harness import NodeProcess, Partner, RELIABLE, wait_until
+from ros.exported import monitoring
+from ros.harness import Partner, RELIABLE, wait_until
 from ros.received import read_detail
 from std_msgs.msg import Bool, Float32
 from strategies import thorough
@@ -78,7 +78,7 @@ def recorded(bundle: Path, box: Path) -> set[tuple[str, int]]:
 
 
 @thorough
-@pytest.mark.parametrize('name', ['native', 'on', 'off'])
+@pytest.mark.parametrize('name', ['rcl', 'on', 'off'])
 def test_announced_times_are_those_of_the_recording(
     partner: Partner, tmp_path: Path, name: str,
 ) -> None:
@@ -93,17 +93,12 @@ def test_announced_times_are_those_of_the_recording(
                 found.add((status.name, int(status.values[1].value.replace('.', ''))))
 
     options = ('-p', f'blackbox:={box}', '-p', 'blackbox_seconds:=30.0')
-    node = ExportedNode(exported_bundle(path), *options) if name == 'native' else NodeProcess(
-        'monitor', '-p', f'spec:={path}', '-p', f'hot_path:={name}', *options)
-    try:
+    with monitoring(name, path, *options) as node:
         details = partner.node.create_subscription(
             DiagnosticArray, f'/{DETAILS_TOPIC}', hear, RELIABLE)
         wait_until(lambda: details.get_publisher_count() == 1, 'details')
         flood(partner, Random(name))
         node.wait_for('the last messages are in')
         sleep(0.5)
-    finally:
-        assert node.end() == 0
-        node.kill()
     assert len(found) > 60
     assert found == recorded(path, box)

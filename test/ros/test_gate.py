@@ -28,13 +28,12 @@ from threading import Event
 from time import monotonic, sleep, time
 from typing import Any
 
-from bundles import ARMED
+from bundles import ARMED, write_bundle
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import fret_monitor
 from fret_monitor.ros.native_start import GATE
 from fret_monitor.ros.nodes.gate_node import GateNode
 from fret_monitor.ros.nodes.monitor_node import MonitorNode
-from fret_monitor.ros.settings.parameters import Refusal
 from geometry_msgs.msg import TwistStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -46,8 +45,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros.exported import ExportedNode
 from ros.forked import environment
 from ros.harness import (
-    answer_of, BEST_EFFORT, change_state, LATCHED, NodeProcess, Partner, RELIABLE, started,
-    wait_until,
+    answer_of, BEST_EFFORT, change_state, LATCHED, NodeProcess, Partner, refusal, RELIABLE,
+    started, wait_until,
 )
 from ros.test_native_start import program_of
 from sensor_msgs.msg import Image
@@ -135,9 +134,7 @@ class Mux:
 
 
 def write(folder: Path, text: str = BUNDLE) -> Path:
-    path = folder / 'gates.yaml'
-    path.write_text(text, encoding='utf-8')
-    return path
+    return write_bundle(folder, text, 'gates.yaml')
 
 
 @contextmanager
@@ -414,16 +411,11 @@ def two_gates(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_remappings_that_lead_gates_together_are_refused(
     partner: Partner, tmp_path: Path, two_gates: Path, remappings: tuple[str, ...], words: str,
 ) -> None:
-    spec = Parameter('spec', value=str(write(tmp_path, TWO)))
     arguments = [word for rule in remappings for word in ('-r', rule)]
-    with pytest.raises(Refusal, match=re.escape(words)):
-        GateNode(context=partner.context, parameter_overrides=[spec],
-                 cli_args=['--ros-args', *arguments])
-    process = ExportedNode(Path(program_of(two_gates, node=GATE)), *arguments)
-    try:
-        assert process.status() == 1 and words in process.output
-    finally:
-        process.kill()
+    assert words in refusal(
+        partner.context, *arguments, kind=GateNode, spec=write(tmp_path, TWO))
+    assert words in ExportedNode(
+        Path(program_of(two_gates, node=GATE)), *arguments).error()
 
 
 @pytest.mark.parametrize(('node_type', 'rules', 'words'), [
@@ -439,13 +431,10 @@ def test_two_bundles_cannot_share_the_topic_of_a_lock_or_of_a_gate(
     second = re.sub(r'\b([AC])\b', r'\1_2', first)
     for old, new in rules:
         second = second.replace(old, new)
-    paths = [tmp_path / 'one.yaml', tmp_path / 'two.yaml']
-    for path, text in zip(paths, (first, second)):
-        path.write_text(text, encoding='utf-8')
-    with pytest.raises(Refusal, match=re.escape(words)):
-        node_type(context=partner.context,
-                  parameter_overrides=[Parameter('spec', value=[str(path) for path in paths])],
-                  cli_args=['--ros-args', '-r', 'halt:=e_stop', '-r', 'f:=d'])
+    paths = [str(write_bundle(tmp_path, text, f'{name}.yaml'))
+             for name, text in (('one', first), ('two', second))]
+    assert words in refusal(partner.context, '-r', 'halt:=e_stop', '-r', 'f:=d',
+                            kind=node_type, spec=paths)
 
 
 def test_another_publisher_of_a_node_of_the_same_name_is_reported(

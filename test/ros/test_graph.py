@@ -14,16 +14,14 @@
 
 """Nodes, publishers and subscribers of the graph as inputs, in both nodes."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from bundles import write_bundle
 from fret_monitor.bag.check import check_recording, Selection
 import pytest
-from ros.exported import exported_bundle, running
-from ros.harness import NodeProcess, Partner, RELIABLE, started, wait_until
+from ros.exported import monitoring, NODES
+from ros.harness import Partner, RELIABLE, wait_until
 from std_msgs.msg import Float32
 from strategies import thorough
 
@@ -48,17 +46,7 @@ requirements:
 IDS = ('ALIVE', 'NEVER', 'ONE', 'HEARD')
 
 
-@contextmanager
-def node(kind: str, bundle: Path, *arguments: str) -> Iterator[NodeProcess]:
-    if kind == 'rclpy':
-        with started('monitor', '-p', f'spec:={bundle}', *arguments) as process:
-            yield process
-        return
-    with running(exported_bundle(bundle), *arguments) as process:
-        yield process
-
-
-@pytest.mark.parametrize('kind', ['rclpy', 'rcl'])
+@pytest.mark.parametrize('kind', NODES)
 def test_what_comes_and_goes_in_the_graph_is_seen(
         partner: Partner, domain: int, tmp_path: Path, kind: str) -> None:
     statuses: dict[str, Any] = {}
@@ -75,8 +63,8 @@ def test_what_comes_and_goes_in_the_graph_is_seen(
     partner.node.create_subscription(diagnostic_msgs.DiagnosticArray, '/diagnostics', take, 10)
     partner.listen(*IDS, prefix='/robot/copilot/handlerprop', publishers=0)
     speed = partner.publisher(Float32, '/speed', RELIABLE)
-    with node(kind, write_bundle(tmp_path, BUNDLE), '-r', '__ns:=/robot', '-r', 'scan:=lidar',
-              '-p', f'blackbox:={tmp_path / "box"}') as process:
+    with monitoring(kind, write_bundle(tmp_path, BUNDLE), '-r', '__ns:=/robot',
+                    '-r', 'scan:=lidar', '-p', f'blackbox:={tmp_path / "box"}') as process:
         partner.wait_for_listener(speed)  # this node's own subscription is not counted
         process.wait_for('node never: nothing is there since the start')
         expect('graph node never', 'never seen', 0, b'\1')
@@ -130,7 +118,7 @@ requirements:
 
 
 @thorough
-@pytest.mark.parametrize('kind', ['rclpy', 'rcl'])
+@pytest.mark.parametrize('kind', NODES)
 def test_startup_initial_values_and_timeouts_mean_what_they_mean_for_topics(
         partner: Partner, tmp_path: Path, kind: str) -> None:
     def wait_for(**expected: int) -> None:
@@ -140,7 +128,7 @@ def test_startup_initial_values_and_timeouts_mean_what_they_mean_for_topics(
     speed = partner.publisher(Float32, '/speed', RELIABLE)
     partner.listen('LATE', 'HEARD', 'EARLY', 'HERE', 'SCANS', publishers=0,
                    prefix='/robot/copilot/handlerprop')
-    with node(kind, write_bundle(tmp_path, WAITED), '-r', '__ns:=/robot') as process:
+    with monitoring(kind, write_bundle(tmp_path, WAITED), '-r', '__ns:=/robot') as process:
         partner.wait_for_listener(speed)
         speed.publish(Float32(data=2.0))
         wait_for(EARLY=1, HERE=1, SCANS=1)

@@ -23,7 +23,7 @@ from types import SimpleNamespace
 from typing import Any
 import weakref
 
-from bundles import write_bundle
+from bundles import BELOW_HALF, write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.native import evaluator_library, load_evaluator
@@ -37,18 +37,9 @@ from fret_monitor.ros.settings.parameters import Refusal
 import pytest
 import rclpy
 from rclpy.node import Node
-from rclpy.parameter import Parameter
-from ros.harness import Partner, wait_until
+from ros.harness import make_node, Partner, wait_until
 from ros.received import read_detail
 from std_msgs.msg import Float32, Int32
-
-BUNDLE = """
-format: 1
-inputs:
-  x: {topic: x, type: std_msgs/msg/Float32}
-requirements:
-  - {id: R, ptltl: "x < 1.0"}
-"""
 
 
 def skip_unless_read_in_place() -> None:
@@ -63,10 +54,10 @@ def test_only_a_topic_that_cannot_be_read_in_place_is_copied(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     skip_unless_read_in_place()
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE.replace('requirements:', """  y: {topic: y, type: std_msgs/msg/Int32}
+    bundle = write_bundle(tmp_path, BELOW_HALF.replace('requirements:', """\
+  y: {topic: y, type: std_msgs/msg/Int32}
 requirements:
-  - {id: S, ptltl: "y < 1"}"""), encoding='utf-8')
+  - {id: S, ptltl: "y < 1"}"""))
     original = Middleware.class_in_place
 
     def refuse(self: Middleware, kind: Any) -> Any:
@@ -75,8 +66,7 @@ requirements:
         return original(self, kind)
 
     monkeypatch.setattr(Middleware, 'class_in_place', refuse)
-    node = MonitorNode(context=stranger.context, parameter_overrides=[
-        Parameter('spec', value=str(bundle)), Parameter('hot_path', value='on')])
+    node = make_node(MonitorNode, stranger.context, spec=bundle, hot_path='on')
     try:
         x, y = partner.publisher(Float32, 'x'), partner.publisher(Int32, 'y')
         partner.listen('R', 'S')
@@ -96,14 +86,13 @@ def test_the_log_says_why_messages_are_copied_before_they_are_read(
     stranger: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    bundle = write_bundle(tmp_path, BUNDLE)
+    bundle = write_bundle(tmp_path, BELOW_HALF)
 
     def refuse(self: Middleware, library: Any) -> None:
         raise Unavailable('Fast DDS 9 is not known')
 
     monkeypatch.setattr(Middleware, 'read_in_place', refuse)
-    MonitorNode(context=stranger.context, parameter_overrides=[
-        Parameter('spec', value=str(bundle)), Parameter('hot_path', value='on')]).destroy_node()
+    make_node(MonitorNode, stranger.context, spec=bundle, hot_path='on').destroy_node()
     assert 'and copied before they are read: Fast DDS 9 is not known' in capfd.readouterr().err
 
 
@@ -113,7 +102,7 @@ def test_a_subscription_is_read_in_place_only_on_the_hot_path(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     skip_unless_read_in_place()
-    bundle = write_bundle(tmp_path, BUNDLE)
+    bundle = write_bundle(tmp_path, BELOW_HALF)
     kinds: list[str] = []
 
     class Spy(RclSubscription):
@@ -125,8 +114,7 @@ def test_a_subscription_is_read_in_place_only_on_the_hot_path(
     monkeypatch.setattr('fret_monitor.ros.intake.feed.RclSubscription', Spy)
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)
-    node = MonitorNode(context=context, parameter_overrides=[
-        Parameter('spec', value=str(bundle)), Parameter('hot_path', value=hot_path)])
+    node = make_node(MonitorNode, context, spec=bundle, hot_path=hot_path)
     try:
         assert kinds
         assert all((kind == 'InPlace') is is_in_place for kind in kinds)
@@ -140,7 +128,7 @@ def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
     partner: Partner, stranger: Partner, tmp_path: Path, hot_path: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bundle = write_bundle(tmp_path, BUNDLE)
+    bundle = write_bundle(tmp_path, BELOW_HALF)
     is_known, may_publish = Event(), Event()
     details: list[Any] = []
     turns: list[Any] = []  # since the subscriber is known; its details are wanted from the second
@@ -151,8 +139,7 @@ def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
             may_publish.wait()
 
     monkeypatch.setattr('fret_monitor.ros.reports.details.log_lines', log)
-    node = MonitorNode(context=stranger.context, parameter_overrides=[
-        Parameter('spec', value=str(bundle)), Parameter('hot_path', value=hot_path)])
+    node = make_node(MonitorNode, stranger.context, spec=bundle, hot_path=hot_path)
     try:
         partner.node.create_subscription(DiagnosticArray, DETAILS_TOPIC, details.append, 1000)
         wait_until(lambda: node._sessions[0]._details.subscriptions > 0, 'the discovery')
@@ -178,7 +165,7 @@ def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
 def test_a_middleware_without_a_callback_for_new_messages_is_refused(
     stranger: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str,
 ) -> None:
-    bundle = write_bundle(tmp_path, BUNDLE)
+    bundle = write_bundle(tmp_path, BELOW_HALF)
 
     def find(library: Any, name: str, kind: Any) -> Any:
         if name == 'rmw_subscription_set_on_new_message_callback':
@@ -187,8 +174,7 @@ def test_a_middleware_without_a_callback_for_new_messages_is_refused(
 
     monkeypatch.setattr('fret_monitor.ros.intake.hot_path.find_symbol', find)
     with pytest.raises(Refusal, match='cannot use the middleware: the middleware has no rmw_sub'):
-        MonitorNode(context=stranger.context, parameter_overrides=[
-            Parameter('spec', value=str(bundle)), Parameter('hot_path', value=way)])
+        make_node(MonitorNode, stranger.context, spec=bundle, hot_path=way)
 
 
 @pytest.mark.parametrize(('name', 'reason'), [

@@ -20,6 +20,7 @@ import signal
 from time import monotonic, sleep
 from typing import Any
 
+from bundles import BELOW_HALF, write_bundle
 from fret_monitor.ros import MonitorNode
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.runtime import Engine
@@ -27,14 +28,6 @@ import pytest
 from rclpy.parameter import Parameter
 from ros import forked
 from ros.harness import NodeProcess, Partner, PATIENCE, started
-
-BUNDLE = """
-format: 1
-inputs:
-  x: {topic: x, type: std_msgs/msg/Float32}
-requirements:
-  - {id: R, ptltl: "x < 1.0"}
-"""
 
 # Interrupts `destroy_node` while it waits for the feed's thread, and goes on publishing.
 PROGRAM = """
@@ -79,9 +72,7 @@ print('still here', flush=True)
 
 @pytest.fixture
 def bundle(tmp_path: Path) -> Path:
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(BUNDLE, encoding='utf-8')
-    return path
+    return write_bundle(tmp_path, BELOW_HALF)
 
 
 def threads(node: NodeProcess) -> int:

@@ -22,15 +22,15 @@ import shutil
 from time import monotonic
 import weakref
 
+from bundles import write_bundle
 from fret_monitor import build
 from fret_monitor.ros import MonitorNode
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
-from rclpy.parameter import Parameter
 from ros.harness import (
-    answer_of, change_state, NodeProcess, Partner, PATIENCE, RELIABLE, settle, started,
+    answer_of, change_state, make_node, NodeProcess, Partner, PATIENCE, RELIABLE, settle, started,
     wait_until, without_interface_number,
 )
 from std_msgs.msg import Empty, Float32
@@ -53,9 +53,7 @@ CLEANUP = Transition.TRANSITION_CLEANUP
 
 @pytest.fixture
 def bundle(tmp_path: Path) -> Path:
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(BUNDLE, encoding='utf-8')
-    return path
+    return write_bundle(tmp_path, BUNDLE)
 
 
 class Manager:
@@ -233,8 +231,7 @@ def test_an_internal_error_is_logged_and_the_node_can_be_configured_again(
     def fail(self: object) -> None:
         raise RuntimeError('no paper in the printer')
 
-    node = MonitorNode(context=partner.context, cli_args=['--ros-args'], parameter_overrides=[
-        Parameter('spec', value=str(bundle)), Parameter('autostart', value=False)])
+    node = make_node(MonitorNode, partner.context, spec=bundle, autostart=False)
     try:
         with monkeypatch.context() as patch:
             patch.setattr('fret_monitor.ros.nodes.bundle_session.BundleSession.start', fail)
@@ -260,8 +257,7 @@ def test_a_compiled_folder_that_changed_is_loaded_again(
         return tmp_path / folder
 
     library = write('library')
-    node = MonitorNode(context=partner.context, cli_args=['--ros-args'], parameter_overrides=[
-        Parameter('library', value=str(library))])
+    node = make_node(MonitorNode, partner.context, library=library)
     try:
         assert 'watching 2 requirements' in capfd.readouterr().err
         bundle.write_text(BUNDLE + '  - {id: R-3, ptltl: "x < 0.7"}\n', encoding='utf-8')
@@ -281,8 +277,7 @@ def test_a_compiled_folder_that_changed_is_loaded_again(
 @contextmanager
 def composed(partner: Partner, bundle: Path, executor: Executor) -> Iterator[MonitorNode]:
     """Create a monitor as a component of another program; the caller spins it."""
-    node = MonitorNode(context=partner.context, cli_args=['--ros-args'],
-                       parameter_overrides=[Parameter('spec', value=str(bundle))])
+    node = make_node(MonitorNode, partner.context, spec=bundle)
     executor.add_node(node)
     try:
         yield node
@@ -335,8 +330,7 @@ def test_an_error_in_the_feed_does_not_end_the_program_that_spins_the_node(
 def test_cleanup_leaves_no_reference_to_the_library_of_the_monitor(
     partner: Partner, bundle: Path, hot_path: str,
 ) -> None:
-    node = MonitorNode(context=partner.context, parameter_overrides=[
-        Parameter('spec', value=str(bundle)), Parameter('hot_path', value=hot_path)])
+    node = make_node(MonitorNode, partner.context, spec=bundle, hot_path=hot_path)
     gc.collect()
     gc.disable()  # otherwise a collection could hide a reference cycle
     try:

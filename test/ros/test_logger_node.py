@@ -31,9 +31,8 @@ from fret_monitor.start import manifest_of
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from ros.harness import BEST_EFFORT, NodeProcess, Partner, settle, started, wait_until
+from ros.harness import BEST_EFFORT, make_node, NodeProcess, Partner, settle, started, wait_until
 from std_msgs.msg import Empty
 
 diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
@@ -313,8 +312,7 @@ def test_a_logger_without_a_compiler_names_what_is_missing(
     monkeypatch.setenv('PATH', str(tmp_path))
     monkeypatch.delenv('CC', raising=False)
     with pytest.raises(Refusal, match='no C compiler found: install gcc'):
-        LoggerNode(context=partner.context, cli_args=['--ros-args'],
-                   parameter_overrides=[Parameter('spec', value=str(bundle))])
+        make_node(LoggerNode, partner.context, spec=bundle)
 
 
 def test_overrides_decide_the_qos_of_the_subscriptions(
@@ -399,8 +397,7 @@ def test_a_failure_of_a_timer_is_logged_once_and_does_not_end_the_logger(
     bundle.write_text(BUNDLE)
     for kind, name in ((Announced, 'news'), (DeclaredOverrides, '_declare_next')):
         monkeypatch.setattr(kind, name, fail)
-    logger = LoggerNode(context=partner.context, cli_args=['--ros-args'],
-                        parameter_overrides=[Parameter('spec', value=str(bundle))])
+    logger = make_node(LoggerNode, partner.context, spec=bundle)
     executor = SingleThreadedExecutor(context=partner.context)
     executor.add_node(logger)
 
@@ -425,8 +422,7 @@ def test_a_violation_before_the_logger_listens_to_its_handler_is_logged_from_its
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE)
-    logger = LoggerNode(context=partner.context, cli_args=['--ros-args'],
-                        parameter_overrides=[Parameter('spec', value=str(bundle))])
+    logger = make_node(LoggerNode, partner.context, spec=bundle)
     executor = SingleThreadedExecutor(context=partner.context)
     try:
         voice = Voice(partner)

@@ -25,12 +25,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.cli.main import main
 from fret_monitor.model.parts import NodePart
 from fret_monitor.native import words
-from fret_monitor.ros import MonitorNode, Refusal
 from fret_monitor.ros.nodes.gate_node import GateNode
 import pytest
-from rclpy.parameter import Parameter
-from ros.exported import error_of, exported_bundle, ExportedNode
-from ros.harness import LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until
+from ros.exported import exported_bundle, ExportedNode, start
+from ros.harness import LATCHED, NodeProcess, Partner, refusal, RELIABLE, started, wait_until
 from ros.test_native_start import program_of
 from std_msgs.msg import Float64
 
@@ -165,15 +163,6 @@ def test_peaks_between_two_messages_are_not_lost(partner: Partner, tmp_path: Pat
         wait_until(lambda: str(face.margins['NOW'][-1]) == 'nan', 'not known')
 
 
-def refusal(partner: Partner, node: type[MonitorNode] = MonitorNode, **given: object) -> str:
-    """Return why a node with margins does not start."""
-    overrides = [Parameter(name, value=value)
-                 for name, value in {'margins': True, **given}.items()]
-    with pytest.raises(Refusal) as found:
-        node(context=partner.context, parameter_overrides=overrides, cli_args=['--ros-args'])
-    return str(found.value)
-
-
 FOR_EACH = """
 format: 1
 for_each: {robot: {most: 3}}
@@ -267,14 +256,16 @@ def test_margins_are_refused_where_there_are_none(
 ) -> None:
     bundle = write_bundle(tmp_path, BUNDLE)
     assert main(['compile', str(bundle), '--output', str(tmp_path / 'out')]) == 0
-    assert words.NO_MARGINS in refusal(partner, library=str(tmp_path / 'out'))
+    assert words.NO_MARGINS in refusal(
+        partner.context, margins=True, library=tmp_path / 'out')
     wanted = '-p', 'margins:=true'
-    assert words.NO_MARGINS in error_of(exported_bundle(bundle), *wanted)
+    assert words.NO_MARGINS in start('rcl', bundle, *wanted).error()
     keyed = write_bundle(tmp_path, FOR_EACH, 'keyed.yaml')
-    assert words.NO_MARGINS in error_of(exported_bundle(keyed), *wanted)
+    assert words.NO_MARGINS in start('rcl', keyed, *wanted).error()
     gated = write_bundle(tmp_path, GATED, 'gated.yaml')
-    assert words.NO_MARGINS_OF_GATES in refusal(partner, GateNode, spec=str(gated))
-    assert words.NO_MARGINS_OF_GATES in error_of(
-        exported_bundle(gated, NodePart('safe')), *wanted)
+    assert words.NO_MARGINS_OF_GATES in refusal(
+        partner.context, kind=GateNode, margins=True, spec=gated)
+    assert words.NO_MARGINS_OF_GATES in ExportedNode(
+        exported_bundle(gated, NodePart('safe')), *wanted).error()
     assert "'margins' is 3, and has to be true or false" in refusal(
-        partner, spec=str(bundle), margins=3)
+        partner.context, spec=bundle, margins=3)

@@ -228,8 +228,7 @@ def test_a_gate_on_a_topic_becomes_native(
 def test_a_bundle_without_gates_is_refused_by_the_node_gate_native_or_not(
     bundle: Path, tmp_path: Path, no_exec: pytest.MonkeyPatch, partner: Partner,
 ) -> None:
-    other = tmp_path / 'other.yaml'
-    other.write_text(BUNDLE.partition('gates:')[0], encoding='utf-8')
+    other = write_bundle(tmp_path, BUNDLE.partition('gates:')[0], 'other.yaml')
     for more, missing in (('', 'no gates'), ('kept', 'none of the gates kept')):
         given = [Parameter('spec', value=[str(bundle), str(other)]),
                  *([Parameter('gates', value=[more])] if more else [])]

@@ -19,6 +19,7 @@ from time import monotonic
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from bundles import BELOW_HALF, write_bundle
 from fret_monitor import build
 from fret_monitor.ros import GateNode, LoggerNode, MonitorNode
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
@@ -40,13 +41,6 @@ from runtime.message_ring import MessageRing
 from std_msgs.msg import Float32
 
 SECOND = 10**9
-BUNDLE = """
-format: 1
-inputs:
-  x: {topic: x, type: std_msgs/msg/Float32}
-requirements:
-  - {id: R, ptltl: "x < 2.0"}
-"""
 
 
 def test_a_throttle_lets_one_message_pass_per_interval() -> None:
@@ -164,8 +158,7 @@ def test_a_negative_time_on_the_clock_ends_no_node(
 def test_a_message_that_waits_while_the_clock_goes_back_counts_by_its_time_of_before(
     partner: Partner, tmp_path: Path,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, BELOW_HALF)
     engine = Engine(Evaluator(build.build(bundle).monitor, reports_recoveries=True))
     ring = MessageRing(engine.library, 1 << 16, 10)
     ring.keep_messages_of(engine)

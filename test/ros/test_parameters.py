@@ -18,22 +18,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from bundles import BELOW_HALF, write_bundle
 from fret_monitor.ros import LoggerNode, MonitorNode, Refusal
 from fret_monitor.ros.settings.opened import open_manifests
 from fret_monitor.ros.settings.parameters import read_settings
 import pytest
 from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
-from ros.harness import answer_of, Partner, started
+from ros.harness import answer_of, make_node, Partner, started
 from ros.test_lifecycle import ACTIVATE, CONFIGURE, Manager, waiting
 
-BUNDLE = """
-format: 1
-inputs:
-  x: {topic: x, type: std_msgs/msg/Float32}
-requirements:
-  - {id: R-1, ptltl: "x < 0.5"}
-"""
 NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'handler_depth',
          'log_violations', 'verdicts', 'margins', 'metrics', 'blackbox', 'blackbox_seconds',
          'blackbox_bytes', 'blackbox_files', 'blackbox_disk_bytes', 'priority', 'processors',
@@ -42,9 +36,7 @@ NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'handler_dep
 
 @pytest.fixture
 def bundle(tmp_path: Path) -> Path:
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(BUNDLE, encoding='utf-8')
-    return path
+    return write_bundle(tmp_path, BELOW_HALF)
 
 
 def call(partner: Partner, kind: Any, name: str, request: Any) -> Any:
@@ -102,10 +94,9 @@ def test_parameters_read_by_configure_change_only_before_it_and_then_take_effect
 def test_a_periodic_bundle_may_take_its_period_from_a_parameter(
     partner: Partner, bundle: Path,
 ) -> None:
-    bundle.write_text(BUNDLE + 'evaluation: {policy: periodic}\n', encoding='utf-8')
+    bundle.write_text(BELOW_HALF + 'evaluation: {policy: periodic}\n', encoding='utf-8')
     with pytest.raises(Refusal, match="the policy periodic needs a 'period' or a 'rate'"):
-        MonitorNode(context=partner.context, cli_args=['--ros-args'],
-                    parameter_overrides=[Parameter('spec', value=str(bundle))])
+        make_node(MonitorNode, partner.context, spec=bundle)
     arguments = ('-p', f'spec:={bundle}', '-p', 'rate:=20.0')
     with started('monitor', *arguments) as node, started('logger', *arguments):
         node.wait_for('policy periodic, 0.05 s, ')
@@ -210,8 +201,7 @@ def test_a_refusal_to_start_follows_the_parameters_that_were_ignored(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     with pytest.raises(Refusal, match='nothing to monitor'):
-        kind(context=partner.context, cli_args=['--ros-args'],
-             parameter_overrides=[Parameter('spek', value=str(bundle))])
+        make_node(kind, partner.context, spek=bundle)
     assert capfd.readouterr().err.count("ignored parameter 'spek': did you mean 'spec'?") == 1
 
 
@@ -219,8 +209,7 @@ def test_the_logger_does_not_warn_of_parameters_of_the_monitor(
     partner: Partner, bundle: Path, made: list[MonitorNode | LoggerNode],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    made.append(LoggerNode(context=partner.context, cli_args=['--ros-args'], parameter_overrides=[
-        Parameter('spec', value=str(bundle)), Parameter('hot_path', value='off')]))
+    made.append(make_node(LoggerNode, partner.context, spec=bundle, hot_path='off'))
     assert 'ignored' not in capfd.readouterr().err
     result = made[0].set_parameters([Parameter('spec', value='other.yaml')])[0]
     assert not result.successful
@@ -233,11 +222,11 @@ def test_the_logger_does_not_warn_of_parameters_of_the_monitor(
 def test_parameters_that_change_a_bundle_are_named_with_its_errors(
     given: dict[str, object], cause: str, bundle: Path,
 ) -> None:
-    bundle.write_text(BUNDLE.replace('x < 0.5', 'O[0,3] (x < 0.5)'), encoding='utf-8')
+    bundle.write_text(BELOW_HALF.replace('x < 0.5', 'O[0,3] (x < 0.5)'), encoding='utf-8')
     with pytest.raises(Refusal) as caught:
         open_manifests(read_settings({'spec': str(bundle), **given}))
     assert str(caught.value).endswith(f'note: in place of what the bundle says: {cause}')
-    bundle.write_text(BUNDLE.replace('x < 0.5', 'x <'), encoding='utf-8')
+    bundle.write_text(BELOW_HALF.replace('x < 0.5', 'x <'), encoding='utf-8')
     with pytest.raises(Refusal) as caught:
         open_manifests(read_settings({'spec': str(bundle)}))
     assert 'note' not in str(caught.value)

@@ -19,6 +19,7 @@ from random import Random
 from time import sleep, time
 
 from bag.recordings import Kept, TYPES
+from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.model.names import DETAILS_TOPIC
@@ -55,8 +56,7 @@ def message(stamp: int, value: float) -> Temperature:
 def test_live_and_recorded_messages_give_the_same_occurrences(
         partner: Partner, tmp_path: Path, hot_path: str) -> None:
     rng = Random(4)
-    spec = tmp_path / 'bundle.yaml'
-    spec.write_text(BUNDLE, encoding='utf-8')
+    spec = write_bundle(tmp_path, BUNDLE)
     heard: list[tuple[str, bool, float]] = []
 
     def keep(array: DiagnosticArray) -> None:

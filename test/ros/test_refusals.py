@@ -18,16 +18,16 @@ from collections.abc import Iterator
 from pathlib import Path
 import sys
 
+from bundles import write_bundle
 import fret_monitor
 from fret_monitor import build
 from fret_monitor.model.bundle_files import config_folders, find_bundle
 from fret_monitor.ros.nodes.logger_node import LoggerNode
 from fret_monitor.ros.nodes.monitor_node import MonitorNode
-from fret_monitor.ros.settings.parameters import Refusal
 import pytest
 from rclpy.context import Context
 from rclpy.parameter import Parameter
-from ros.harness import NodeProcess, Partner, started, without_interface_number
+from ros.harness import make_node, NodeProcess, Partner, refusal, started, without_interface_number
 
 BUNDLE = """
 format: 1
@@ -49,17 +49,7 @@ def context(partner: Partner) -> Iterator[Context]:
 
 
 def write(folder: Path, text: str = BUNDLE, name: str = 'bundle.yaml') -> Path:
-    path = folder / name
-    path.write_text(text, encoding='utf-8')
-    return path
-
-
-def refusal(context: Context, *remappings: str, **parameters: object) -> str:
-    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    arguments = ['--ros-args', *(word for rule in remappings for word in ('-r', rule))]
-    with pytest.raises(Refusal) as found:
-        MonitorNode(context=context, parameter_overrides=overrides, cli_args=arguments)
-    return str(found.value)
+    return write_bundle(folder, text, name)
 
 
 def test_nothing_to_monitor_is_reported_with_the_parameters_to_write(context: Context) -> None:
@@ -191,7 +181,7 @@ def test_several_bundles_in_one_string_are_refused_with_a_list(context: Context)
 
 def test_a_wrong_bundle_is_reported_as_by_check(context: Context, tmp_path: Path) -> None:
     bundle = write(tmp_path, WRONG)
-    told = refusal(context, spec=str(bundle))
+    told = refusal(context, spec=bundle)
     assert told.startswith(f'{bundle}:7:31: error: ')
     assert '^' in told
 
@@ -209,7 +199,7 @@ inputs:
 requirements:
   - {id: R1, ptltl: x < 5 & y > 3 & z & w < 0.5}
 """)
-    assert refusal(context, spec=str(bundle)).splitlines()[1:] == [
+    assert refusal(context, spec=bundle).splitlines()[1:] == [
         '', '  inputs:',
         '    x:', '      topic: x', '      type: std_msgs/msg/UInt8',
         '    y:', '      topic: y', '      type: std_msgs/msg/Int32',
@@ -227,16 +217,16 @@ inputs:
 requirements:
   - {id: R1, ptltl: x < 5.0 & old < 1.0}
 """)
-    assert refusal(context, spec=str(bundle)) == (
+    assert refusal(context, spec=bundle) == (
         "error: message type tf2_msgs/msg/TFMessage of the package 'tf2_msgs' is not installed "
         'here: source the workspace that has it')
 
 
 def test_topics_remapped_to_one_name_are_refused(context: Context, tmp_path: Path) -> None:
-    told = refusal(context, 'y:=x', spec=str(write(tmp_path)))
+    told = refusal(context, '-r', 'y:=x', spec=write(tmp_path))
     assert told.startswith("error: 'x' and 'y' are both remapped to /x; ")
     handler = 'copilot/handlerpropR1'
-    assert refusal(context, f'{handler}:=x', spec=str(write(tmp_path))).startswith(
+    assert refusal(context, '-r', f'{handler}:=x', spec=write(tmp_path)).startswith(
         f"error: 'x' and '{handler}' are both remapped to /x; what the node announces")
 
 
@@ -251,7 +241,7 @@ def test_topics_remapped_to_one_name_are_refused(context: Context, tmp_path: Pat
 def test_a_topic_of_the_node_itself_is_not_used_for_anything_else(
     rule: str, first: str, own: str, context: Context, tmp_path: Path,
 ) -> None:
-    told = refusal(context, rule, spec=str(write(tmp_path)))
+    told = refusal(context, '-r', rule, spec=write(tmp_path))
     assert told.startswith(f"error: '{first}' and the node's own '{own}' are both remapped to /")
 
 
@@ -278,8 +268,7 @@ def test_a_working_directory_that_was_deleted_is_needed_for_relative_paths_alone
         (tmp_path / 'gone').mkdir()
         monkeypatch.chdir(tmp_path / 'gone')
         (tmp_path / 'gone').rmdir()
-        MonitorNode(context=context, parameter_overrides=[Parameter('spec', value=bundle)]
-                    ).destroy_node()
+        make_node(MonitorNode, context, spec=bundle).destroy_node()
     assert refusal(context, spec='none.yaml').startswith(
         "error: there is no file 'none.yaml' in the current folder (it was deleted) nor in /")
     assert refusal(context, spec=bundle, blackbox='box') == (
@@ -295,7 +284,7 @@ def compiled(folder: Path, text: str = BUNDLE) -> str:
 
 
 def test_a_folder_without_a_compiled_bundle_is_refused(context: Context, tmp_path: Path) -> None:
-    assert 'holds no compiled bundle' in refusal(context, library=str(tmp_path))
+    assert 'holds no compiled bundle' in refusal(context, library=tmp_path)
 
 
 def test_bundles_and_compiled_folders_are_not_mixed_up(context: Context, tmp_path: Path) -> None:
@@ -303,19 +292,19 @@ def test_bundles_and_compiled_folders_are_not_mixed_up(context: Context, tmp_pat
     bundle = tmp_path / 'bundle.yaml'
     assert refusal(context, spec=library) == (
         f"error: '{library}' is a directory: for a compiled bundle, -p library:={library}")
-    assert refusal(context, library=str(bundle)) == (
+    assert refusal(context, library=bundle) == (
         f"error: '{bundle}' is a file, and not the folder of a compiled bundle; "
         f'for a bundle: -p spec:={bundle}')
-    assert refusal(context, library=str(bundle), spec=str(bundle)) == (
+    assert refusal(context, library=bundle, spec=bundle) == (
         f"error: '{bundle}' is a file, and not the folder of a compiled bundle")
-    assert refusal(context, spec=str(tmp_path)) == (
+    assert refusal(context, spec=tmp_path) == (
         f"error: '{tmp_path}' is a directory, not a file")
 
 
 def test_a_library_of_another_bundle_is_refused(context: Context, tmp_path: Path) -> None:
     library = compiled(tmp_path)
     bundle = write(tmp_path, BUNDLE.replace('0.5', '0.6'))
-    told = refusal(context, library=library, spec=str(bundle))
+    told = refusal(context, library=library, spec=bundle)
     assert 'was not compiled from' in told
     assert f'fret-monitor compile {bundle} --output {library}' in told
 
@@ -326,7 +315,7 @@ def test_a_library_that_does_not_fit_its_manifest_is_refused(
     library = Path(compiled(tmp_path))
     manifest = library / 'manifest.json'
     manifest.write_text(manifest.read_text().replace('"id": "R1"', '"id": "R2"'))
-    assert "requirement 0 is 'R1' instead of 'R2'" in refusal(context, library=str(library))
+    assert "requirement 0 is 'R1' instead of 'R2'" in refusal(context, library=library)
 
 
 def test_folders_compiled_by_an_earlier_version_are_refused_together(
@@ -355,14 +344,12 @@ def test_a_message_type_that_is_not_installed_is_refused(context: Context, tmp_p
     library = Path(compiled(tmp_path))
     manifest = library / 'manifest.json'
     manifest.write_text(manifest.read_text().replace('std_msgs/msg/Int32', 'my_msgs/msg/Int32'))
-    assert refusal(context, library=str(library)).startswith(
+    assert refusal(context, library=library).startswith(
         "error: message type my_msgs/msg/Int32 of the package 'my_msgs' is not installed here: ")
 
 
 def test_the_logger_refuses_what_the_monitor_does(context: Context, tmp_path: Path) -> None:
-    overrides = [Parameter('spec', value=str(write(tmp_path, WRONG)))]
-    with pytest.raises(Refusal, match='error: '):
-        LoggerNode(context=context, parameter_overrides=overrides, cli_args=['--ros-args'])
+    assert 'error: ' in refusal(context, kind=LoggerNode, spec=write(tmp_path, WRONG))
 
 
 @pytest.mark.parametrize('name', ['monitor', 'logger'])
@@ -384,13 +371,8 @@ def test_the_logger_refuses_what_the_monitor_does(context: Context, tmp_path: Pa
 def test_a_process_that_refuses_ends_with_status_one_and_a_clear_message(
     name: str, arguments: list[str], told: str, domain: int, tmp_path: Path,
 ) -> None:
-    node = NodeProcess(name, *arguments, folder=tmp_path)
-    try:
-        assert node.status() == 1
-        assert told in node.output
-        assert 'Traceback' not in node.output
-    finally:
-        node.kill()
+    output = NodeProcess(name, *arguments, folder=tmp_path).error()
+    assert told in output and 'Traceback' not in output
 
 
 @pytest.mark.parametrize('name', ['monitor', 'logger'])
@@ -400,14 +382,11 @@ def test_without_a_log_folder_it_names_the_variable_to_set(
     (tmp_path / 'file').write_text('', encoding='utf-8')
     node = NodeProcess(name, '-p', f'spec:={write(tmp_path)}', folder=tmp_path, environment={
         'HOME': str(tmp_path / 'file'), 'ROS_HOME': '', 'ROS_LOG_DIR': ''})
-    try:
-        assert node.status() == 1
-        assert node.output.startswith(
-            'error: ROS cannot make its folder of logs: set HOME, or ROS_LOG_DIR to a folder '
-            'that can be written (failed to initialize logging: ')
-        assert 'Traceback' not in node.output
-    finally:
-        node.kill()
+    output = node.error()
+    assert output.startswith(
+        'error: ROS cannot make its folder of logs: set HOME, or ROS_LOG_DIR to a folder '
+        'that can be written (failed to initialize logging: ')
+    assert 'Traceback' not in output
 
 
 def test_an_unwritable_cache_is_reported_once_with_the_remedy(domain: int, tmp_path: Path) -> None:

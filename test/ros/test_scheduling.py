@@ -16,39 +16,30 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from functools import partial
 import os
 from pathlib import Path
 import re
 import subprocess
 import sys
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
-from bundles import write_bundle
+from bundles import BELOW_HALF, write_bundle
 import pytest
-from ros.exported import exported_bundle, ExportedNode, running
-from ros.harness import NodeProcess, started
+from ros.exported import ExportedNode, monitoring, NODES, start
+from ros.harness import NodeProcess
 from strategies import some
 
-BUNDLE = """
-format: 1
-inputs:
-  x: {topic: x, type: std_msgs/msg/Float32}
-requirements:
-  - {id: R, ptltl: "x < 0.5"}
-"""
 WANTED = ('-p', 'priority:=3', '-p', 'processors:={processor}', '-p', 'lock_memory:=true')
 
 pytestmark = pytest.mark.usefixtures('domain')
 Start: TypeAlias = Callable[..., AbstractContextManager[NodeProcess]]
 
 
-@pytest.fixture(params=['monitor', 'exported node'])
-def start(request: pytest.FixtureRequest, tmp_path: Path) -> Start:
+@pytest.fixture(params=NODES)
+def run(request: pytest.FixtureRequest, tmp_path: Path) -> Start:
     """Return a function that starts a node with arguments."""
-    bundle = write_bundle(tmp_path, BUNDLE)
-    if request.param == 'monitor':
-        return lambda *arguments: started('monitor', '-p', f'spec:={bundle}', *arguments)
-    return lambda *arguments: running(exported_bundle(bundle), *arguments)
+    return partial(monitoring, request.param, write_bundle(tmp_path, BELOW_HALF))
 
 
 def is_allowed(statement: str) -> bool:
@@ -58,10 +49,10 @@ def is_allowed(statement: str) -> bool:
     return done.returncode == 0
 
 
-def test_all_threads_have_priority_and_processors_or_the_log_says_why_not(start: Start) -> None:
+def test_all_threads_have_priority_and_processors_or_the_log_says_why_not(run: Start) -> None:
     processor = max(os.sched_getaffinity(0))
     arguments = [item.format(processor=processor) for item in WANTED]
-    with start(*arguments) as node:
+    with run(*arguments) as node:
         threads = [int(item) for item in os.listdir(f'/proc/{node.process.pid}/task')]
         assert len(threads) > 5
         assert {frozenset(os.sched_getaffinity(item)) for item in threads} == {
@@ -80,8 +71,8 @@ def test_all_threads_have_priority_and_processors_or_the_log_says_why_not(start:
 
 @pytest.mark.parametrize('processors', some([
     '0-', '1-0', 'all', '0,,1', '-1', '0;1', '99999'], 3))
-def test_a_list_that_is_none_is_logged_and_the_node_runs(start: Start, processors: str) -> None:
-    with start('-p', f'processors:="{processors}"') as node:
+def test_a_list_that_is_none_is_logged_and_the_node_runs(run: Start, processors: str) -> None:
+    with run('-p', f'processors:="{processors}"') as node:
         line = f'to run on the processors {processors} is not possible: Invalid argument'
         assert line in node.output
 
@@ -95,13 +86,7 @@ def test_a_list_that_is_none_is_logged_and_the_node_runs(start: Start, processor
 def test_a_value_that_cannot_be_used_ends_the_start(
     argument: str, problem: str, tmp_path: Path,
 ) -> None:
-    bundle = write_bundle(tmp_path, BUNDLE)
-    nodes: list[tuple[Any, str]] = [
-        (NodeProcess('monitor', '-p', f'spec:={bundle}', '-p', argument), 'True'),
-        (ExportedNode(exported_bundle(bundle), '-p', argument), 'true')]
-    for node, true in nodes:
-        try:
-            assert node.process.wait(60) == 1
-            assert f'parameter {problem.format(true=true)}' in node.output
-        finally:
-            node.kill()
+    bundle = write_bundle(tmp_path, BELOW_HALF)
+    for node, true in zip(NODES, ('True', 'true')):
+        assert f'parameter {problem.format(true=true)}' in start(
+            node, bundle, '-p', argument).error()

@@ -18,6 +18,7 @@ from pathlib import Path
 from time import sleep
 from typing import Any
 
+from bundles import write_bundle
 import pytest
 from rclpy.action import ActionClient, ActionServer
 from rclpy.qos import qos_profile_services_default
@@ -52,8 +53,7 @@ requirements:
 
 
 def test_calls_goals_and_feedback_are_received(partner: Partner, tmp_path: Path) -> None:
-    bundle = tmp_path / 'services.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, BUNDLE, 'services.yaml')
     node = partner.node
     service = node.create_service(SetBool, 'arm', lambda _, response: response)
     service.configure_introspection(

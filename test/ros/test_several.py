@@ -25,14 +25,13 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.model.names import distinct_names
-from fret_monitor.ros import MonitorNode, Refusal
+from fret_monitor.ros import Refusal
 from fret_monitor.ros.native_start import GATE, MONITOR
 from fret_monitor.ros.nodes.gate_node import GateNode
 import pytest
 from rcl_interfaces.srv import ListParameters
-from rclpy.parameter import Parameter
-from ros.exported import error_of, exported_bundles, running
-from ros.harness import answer_of, Partner, RELIABLE, started, wait_until
+from ros.exported import exported_bundles, ExportedNode, running
+from ros.harness import answer_of, make_node, Partner, refusal, RELIABLE, started, wait_until
 from ros.test_native_start import program_of
 from ros.test_side_by_side import compare_files, equal, Face, MISSING
 from std_msgs.msg import Empty, Float32
@@ -133,19 +132,16 @@ def test_the_logger_serves_several_bundles(
         wait_until(is_told, 'lines of both bundles')
 
 
-def refusal(partner: Partner, **parameters: object) -> str:
-    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    with pytest.raises(Refusal) as found:
-        MonitorNode(context=partner.context, parameter_overrides=overrides,
-                    cli_args=['--ros-args'])
+def refused(partner: Partner, **parameters: object) -> str:
+    told = refusal(partner.context, **parameters)
     assert partner.node.get_node_names() == ['partner']
-    return str(found.value)
+    return told
 
 
 def error_in_c(*bundles: Path, node: str = MONITOR) -> str:
     """Return the error with which the node in C of these bundles ends."""
     specs = ', '.join(map(str, bundles))
-    return error_of(Path(program_of(f'[{specs}]', node=node)))
+    return ExportedNode(Path(program_of(f'[{specs}]', node=node))).error()
 
 
 def test_a_handler_that_two_bundles_share_is_refused_with_both_places(
@@ -153,7 +149,7 @@ def test_a_handler_that_two_bundles_share_is_refused_with_both_places(
 ) -> None:
     first = write(tmp_path, 'first', FIRST)
     second = write(tmp_path, 'second', SECOND.replace('R-3', 'R_1'))
-    assert refusal(partner, spec=[str(first), str(second)]) == (
+    assert refused(partner, spec=[str(first), str(second)]) == (
         f"error: 'R-1' ({first}:7:10) and 'R_1' ({second}:9:10) would both be announced on "
         'copilot/handlerpropR_1: give one of them another id')
 
@@ -163,7 +159,7 @@ def test_the_problems_of_all_bundles_are_reported_together(
 ) -> None:
     first = write(tmp_path, 'first', FIRST.replace('& y', '& a'))
     second = write(tmp_path, 'second', SECOND.replace('Z (speed', 'Z (b'))
-    told = refusal(partner, spec=[str(first), str(second), 'third.yaml'])
+    told = refused(partner, spec=[str(first), str(second), 'third.yaml'])
     assert f"{first}:7:33: error: 'a' is not declared" in told
     assert f"{second}:8:26: error: 'b' is not declared" in told
     assert "error: there is no file 'third.yaml'" in told
@@ -179,9 +175,9 @@ def test_compiled_folders_may_be_given_as_a_list(
     with started('monitor', '-p', library, '-p', listed(bundles)) as node:
         node.wait_for('watching 3 requirements on 4 inputs of 3 topics in 2 bundles')
     names = [str(folder) for folder in folders]
-    assert 'was not compiled from' in refusal(
+    assert 'was not compiled from' in refused(
         partner, library=names, spec=[str(bundle) for bundle in reversed(bundles)])
-    assert refusal(partner, library=names, spec=str(bundles[0])).startswith(
+    assert refused(partner, library=names, spec=str(bundles[0])).startswith(
         "error: parameters 'spec' and 'library' name 1 and 2: where both are given, each")
 
 
@@ -329,7 +325,7 @@ def test_one_topic_with_two_types_is_refused_with_both_bundles(
         "the topic /x has the type std_msgs/msg/Float32 in the bundle 'first' and "
         "std_msgs/msg/Float64 in 'second': a process can use a topic with one type only; correct "
         'the type, or start a monitor for each bundle')
-    assert refusal(partner, spec=[str(first), str(second)]) == f'error: {reason}'
+    assert refused(partner, spec=[str(first), str(second)]) == f'error: {reason}'
     assert reason in error_in_c(first, second)
 
 
@@ -369,7 +365,7 @@ def test_an_action_with_a_second_type_is_refused_with_both_types(
 ) -> None:
     first = write(tmp_path, 'first', FIRST)
     acting = write(tmp_path, 'acting', ACTING.replace('ONE', one).replace('TWO', two))
-    assert refusal(partner, spec=[str(first), str(acting)]) == f'error: {reason}'
+    assert refused(partner, spec=[str(first), str(acting)]) == f'error: {reason}'
     if 'service' in reason:
         assert reason in error_in_c(first, acting)
 
@@ -380,7 +376,7 @@ def test_a_type_that_another_node_of_the_process_uses_is_named(
     partner.publisher(Float32, '/shown')
     acting = write(tmp_path, 'acting', ACTING.replace('ONE', SHOW.replace(
         'TOPIC', '/shown')).replace('TWO', 'lock: {topic: stop}'))
-    assert refusal(partner, spec=str(acting)) == (
+    assert refused(partner, spec=str(acting)) == (
         'error: cannot publish on /shown as std_msgs/msg/Bool: this process uses the topic with '
         'the type std_msgs/msg/Float32, and can use it with one type only')
 
@@ -398,7 +394,7 @@ def test_gates_with_two_types_of_one_topic_are_refused_with_both(
               "'h': a process can use a topic with one type only; correct the type, or start a "
               'node for each gate')
     with pytest.raises(Refusal, match=reason):
-        GateNode(context=partner.context, parameter_overrides=[Parameter('spec', value=paths)])
+        make_node(GateNode, partner.context, spec=paths)
     assert reason in error_in_c(*map(Path, paths), node=GATE)
 
 
@@ -407,6 +403,6 @@ def test_a_topic_that_the_process_uses_with_another_type_is_refused_with_both_ty
     partner: Partner, tmp_path: Path, hot_path: str,
 ) -> None:
     bundle = write(tmp_path, 'bundle', FIRST.replace('topic: x', 'topic: /rosout'))
-    assert refusal(partner, spec=str(bundle), hot_path=hot_path) == (
+    assert refused(partner, spec=str(bundle), hot_path=hot_path) == (
         "error: '/rosout' and the node's own '/rosout' are both remapped to /rosout; what the "
         'node announces needs a topic of its own')

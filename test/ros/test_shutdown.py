@@ -22,6 +22,7 @@ import signal
 from threading import Event, Thread
 from time import monotonic, sleep
 
+from bundles import BELOW_HALF, write_bundle
 from fret_monitor import build
 import pytest
 from ros.harness import NodeProcess, Partner, READY, wait_until
@@ -40,21 +41,13 @@ BUSY_AT_ONCE = 4
 BUSY_ROUNDS = max(1, EXAMPLES // 50)  # `make thorough`: ten
 PATIENCE = 30.0  # s; it takes two on an idle machine, ten beside other tests
 
-BUNDLE = """
-format: 1
-inputs:
-  x: {topic: x, type: std_msgs/msg/Float32}
-requirements:
-  - {id: R1, ptltl: x < 0.5}
-"""
-
 
 @pytest.fixture(scope='module')
 def parameter(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Return the parameter to start a node with: a compiled bundle, which starts fastest."""
     folder = tmp_path_factory.mktemp('compiled')
-    (folder / 'bundle.yaml').write_text(BUNDLE)
-    build.write(build.generate_monitor(build.read(folder / 'bundle.yaml')), folder / 'library')
+    bundle = build.read(write_bundle(folder, BELOW_HALF))
+    build.write(build.generate_monitor(bundle), folder / 'library')
     return f'library:={folder / "library"}'
 
 
@@ -66,7 +59,7 @@ def flood(partner: Partner) -> Iterator[Event]:
     Half of the messages are violations.
     """
     values = partner.publisher(Float32, 'x')
-    violations = partner.publisher(Empty, 'copilot/handlerpropR1')
+    violations = partner.publisher(Empty, 'copilot/handlerpropR')
     is_on, is_over = Event(), Event()
 
     def pour() -> None:

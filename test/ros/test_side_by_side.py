@@ -388,10 +388,10 @@ class Traffic:
             wait_until(lambda: all(face.acknowledged[topic] >= self._due[topic]  # noqa: B023
                                    for face in self._faces), f'{topic} evaluated')
 
-    def garble(self, topic: str) -> None:
+    def garble(self, topic: str, garbage: bytes) -> None:
         """Publish bytes that cannot be decoded."""
         publisher = self.publisher(topic)
-        publisher.publish(self.rng.choice(GARBAGE))
+        publisher.publish(garbage)
         self.send(topic, publisher=publisher)
 
     def move(self, by: int) -> None:
@@ -583,7 +583,7 @@ class Traffic:
         if rng.random() < 0.02:
             return self.reset, True
         if rng.random() < 0.15:
-            return partial(self.garble, topic), False
+            return partial(self.garble, topic, rng.choice(GARBAGE)), False
         if not self._is_simulated or rng.random() < 0.6:
             return partial(self.send, topic), False
         if rng.random() < 0.05:
@@ -682,11 +682,14 @@ def test_both_nodes_publish_and_log_the_same(
 ) -> None:
     with traffic_to_both(partner, stranger, tmp_path, name, 7, is_late=False) as traffic:
         traffic.join('level', Int32, RELIABLE)  # of another type
+        for garbage in GARBAGE:
+            traffic.garble('x', garbage)
         traffic.run(30)
         traffic.reset()
         if name == 'timed':
             for _ in range(2):  # a time that jumps may put a timeout off once
                 traffic.move(2 * 10**9)
+            traffic.send('x', sensor_msgs.Range(range=0.5))
             traffic.run(10)
             traffic.go_back(30 * 10**9)
         else:

@@ -22,7 +22,7 @@ from time import monotonic, sleep
 from types import SimpleNamespace
 from typing import Any
 
-from bundles import write_bundle
+from bundles import BELOW_HALF, write_bundle
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.ros.intake.feed import Feed
@@ -38,25 +38,17 @@ import pytest
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import LivelinessPolicy, QoSProfile
-from ros.harness import change_state, Partner, RELIABLE, started, wait_until
+from ros.harness import change_state, make_node, Partner, RELIABLE, started, wait_until
 from std_msgs.msg import Float32, Header
 
-BUNDLE = """
-format: 1
-inputs:
-  x: {topic: x, type: std_msgs/msg/Float32}
-requirements:
-  - {id: R, ptltl: "x < 0.5"}
-"""
 WATCHING = QoSProfile(depth=10, liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
                       liveliness_lease_duration=Duration(seconds=3))
 LIBRARY = load_evaluator(evaluator_library())
 
 
 def test_a_monitor_that_is_stopped_is_not_alive(partner: Partner, tmp_path: Path) -> None:
-    bundle = write_bundle(tmp_path, BUNDLE)
+    bundle = write_bundle(tmp_path, BELOW_HALF)
     heard: list[Header] = []
     alive: list[int] = []
 
@@ -138,7 +130,7 @@ def test_a_stall_is_no_thread_that_hangs(partner: Partner) -> None:
 def test_a_monitor_without_the_thread_that_logs_is_not_alive(
     partner: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bundle = write_bundle(tmp_path, BUNDLE)
+    bundle = write_bundle(tmp_path, BELOW_HALF)
     hangs, goes_on = Event(), Event()
 
     def log(_logger: Any, lines: list[LogLine]) -> None:
@@ -148,8 +140,7 @@ def test_a_monitor_without_the_thread_that_logs_is_not_alive(
             raise ValueError('oh')
 
     monkeypatch.setattr('fret_monitor.ros.reports.details.log_lines', log)
-    monitor = MonitorNode(context=partner.context,
-                          parameter_overrides=[Parameter('spec', value=str(bundle))])
+    monitor = make_node(MonitorNode, partner.context, spec=bundle)
     session, = monitor._sessions
     before = session.turns()
     wait_until(lambda: all(old < new for old, new in zip(before, session.turns())), 'turns')
@@ -174,9 +165,8 @@ def test_a_monitor_without_the_thread_that_logs_is_not_alive(
 def test_a_transition_in_another_thread_during_a_report_is_no_failure(
     partner: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bundle = write_bundle(tmp_path, BUNDLE)
-    monitor = MonitorNode(context=partner.context,
-                          parameter_overrides=[Parameter('spec', value=str(bundle))])
+    bundle = write_bundle(tmp_path, BELOW_HALF)
+    monitor = make_node(MonitorNode, partner.context, spec=bundle)
     session, = monitor._sessions
     partner.node.create_subscription(DiagnosticArray, '/diagnostics', lambda _: None, RELIABLE)
     health: Any = session._health
@@ -211,9 +201,8 @@ def test_a_transition_in_another_thread_during_a_report_is_no_failure(
 def test_one_of_several_bundles_reports_what_has_failed(partner: Partner, tmp_path: Path) -> None:
     paths = [tmp_path / name for name in ('one.yaml', 'two.yaml')]
     for number, path in enumerate(paths):
-        path.write_text(BUNDLE.replace('R,', f'R{number},'), encoding='utf-8')
-    monitor = MonitorNode(context=partner.context, parameter_overrides=[
-        Parameter('spec', value=[str(path) for path in paths])])
+        path.write_text(BELOW_HALF.replace('R,', f'R{number},'), encoding='utf-8')
+    monitor = make_node(MonitorNode, partner.context, spec=[str(path) for path in paths])
     reports: list[DiagnosticArray] = []
     partner.node.create_subscription(DiagnosticArray, '/diagnostics', reports.append, RELIABLE)
     for session in monitor._sessions:
@@ -254,8 +243,7 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
     partner.node.create_subscription(DiagnosticArray, '/diagnostics', reports.append, RELIABLE)
     with monkeypatch.context() as patch:
         patch.setattr(DeclaredOverrides, '_declare_next', fail)
-        monitor = MonitorNode(context=partner.context, parameter_overrides=[
-            Parameter('spec', value=str(bundle)), Parameter('blackbox', value=str(tmp_path))])
+        monitor = make_node(MonitorNode, partner.context, spec=bundle, blackbox=tmp_path)
         partner._executor.add_node(monitor)
         wait_until(lambda: [*monitor._watch.failures] == ['parameters'], 'the first failure')
 

@@ -14,8 +14,7 @@
 
 """The verdicts that a node publishes with `verdicts:=true`, on both nodes, as `bag` judges."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -26,11 +25,10 @@ from bundles import write_bundle
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.violations import open_violations
 import pytest
-from ros.exported import exported_bundle, running
-from ros.harness import LATCHED, NodeProcess, Partner, started, wait_until
+from ros.exported import monitoring, NODES
+from ros.harness import LATCHED, Partner, wait_until
 from std_msgs.msg import Bool, Float64
 
-NODES = ('rclpy', 'rcl')
 BUNDLE = """
 format: 1
 inputs:
@@ -44,14 +42,6 @@ requirements:
 LOW, ALWAYS_LOW = '/copilot/verdict/LOW_1', '/copilot/verdict/prop010'
 TOPICS = (LOW, ALWAYS_LOW, '/copilot/verdict/NEVER')
 VALUES = (0.1, 0.6, 0.9, 0.7, 0.2, 0.95)
-
-
-@contextmanager
-def monitoring(face: str, bundle: Path, *arguments: str) -> Iterator[NodeProcess]:
-    """Run a bundle on the node on rclpy or on rcl; it must end well."""
-    with started('monitor', '-p', f'spec:={bundle}', *arguments) if face == 'rclpy' else \
-            running(exported_bundle(bundle), *arguments) as node:
-        yield node
 
 
 class Verdicts:

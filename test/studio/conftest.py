@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One Chromium and one server for the tests of a worker; each test has a page of its own."""
+"""
+One Chromium and one server for the tests of a module; each test has a page of its own.
+
+They end with it: the keepalive thread of a connection draws random numbers, which hypothesis
+takes for those of a test that runs later in the same worker.
+"""
 
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -24,7 +29,7 @@ from studio import browser
 from studio.serving import studio
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Chromium]:
     """Return a running Chromium."""
     if browser.CHROMIUM is None or find_spec('websockets') is None:
@@ -40,7 +45,7 @@ def page(chromium: browser.Chromium) -> Iterator[browser.Page]:
         yield found
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, str]]:
     """Return a folder, and the address under which it is served."""
     folder = tmp_path_factory.mktemp('served')
