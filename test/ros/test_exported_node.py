@@ -33,7 +33,7 @@ from rcl_interfaces.msg import Log, Parameter, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.qos import QoSProfile
 from ros.exported import cmake_build, exported_bundle, ExportedNode, has_ament_cmake, running
-from ros.harness import answer_of, change_state, LATCHED, Partner, wait_until
+from ros.harness import answer_of, change_state, LATCHED, NodeProcess, Partner, wait_until
 from std_msgs.msg import Bool, Int32
 from std_srvs.srv import Trigger
 from type_description_interfaces.srv import GetTypeDescription
@@ -255,3 +255,20 @@ def test_the_package_builds_with_ament_cmake_and_its_node_runs(
         pytest.skip('ament_cmake or cmake is not installed here')
     with running(cmake_build(faults, tmp_path), '-r', '__node:=exported') as node:
         node.wait_for('watching 8 requirements')
+
+
+@pytest.mark.parametrize('is_native', [False, True])
+def test_a_name_that_the_namespace_makes_too_long_is_an_error(
+        tmp_path: Path, domain: int, is_native: bool) -> None:
+    path = write_bundle(tmp_path, f"""
+format: 1
+inputs: {{x: {{topic: x, type: std_msgs/msg/Float32}}}}
+requirements: [{{id: {'R' * 120}, ptltl: "x < 1"}}]
+""")
+    space = ('-r', f'__ns:=/{"a" * 130}')
+    node = ExportedNode(exported_bundle(path), *space) if is_native \
+        else NodeProcess('monitor', '-p', f'spec:={path}', *space)
+    assert node.status() == 1
+    assert 'cannot subscribe or advertise: topic length should not exceed' in node.output
+    assert 'Traceback' not in node.output
+    node.kill()

@@ -29,7 +29,7 @@ from fret_monitor.ros.nodes.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.nodes.sign_of_life import SignOfLife
 from fret_monitor.ros.reports.health import PERIOD
 from fret_monitor.ros.settings.declared import Parameters
-from fret_monitor.ros.settings.names import full_name, refuse_shared_names
+from fret_monitor.ros.settings.names import full_name, refuse_shared_names, valid_names
 from fret_monitor.ros.settings.opened import open_monitors, Opened
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, overrides_of
 from fret_monitor.ros.settings.parameters import (
@@ -157,8 +157,9 @@ class MonitorNode(ClockNode, LifecycleNode):
             opened = self._open(settings)
             manifests = [item.monitor.manifest for item in opened]
             library = load_evaluator(opened[0].evaluator)
-            self._overrides = overrides_of(self, library, manifests)
-            refuse_shared_names(self, manifests, self._names(opened), library)
+            with valid_names():
+                self._overrides = overrides_of(self, library, manifests)
+                refuse_shared_names(self, manifests, self._names(opened), library)
             self._declared.show_constants(manifests)
         with ExitStack() as undo:
             undo.callback(self._release)

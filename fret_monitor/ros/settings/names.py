@@ -110,6 +110,16 @@ def done_by(node: Node, action: ManifestAction) -> tuple[str, str]:
 
 
 @contextmanager
+def valid_names() -> Iterator[None]:
+    """Turn the error of a name that a namespace or a remapping makes too long into a `Refusal`."""
+    try:
+        yield
+    except _rclpy.RCLError as error:
+        reason = str(error).removeprefix('failed to resolve name: ')
+        raise Refusal(f'cannot subscribe or advertise: {reason}') from None
+
+
+@contextmanager
 def one_type(node: Node, verb: str, name: str, interface: str, *,
              is_service: bool = False) -> Iterator[None]:
     """Turn an error of the middleware into a `Refusal` with the types of the topic or service."""
