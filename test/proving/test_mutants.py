@@ -37,7 +37,7 @@ from fret_monitor.smt import terms as t
 import pytest
 from strategies import IS_THOROUGH, random_trace, thorough
 
-EACH = 12 if IS_THOROUGH else 7  # of each bundle; `make prove` judges more
+EACH = 12 if IS_THOROUGH else 6  # of each bundle; `make prove` judges more
 COMPILED = 3
 C_TYPES: dict[ValueType, Any] = {
     ValueType.BOOL: ctypes.c_bool, ValueType.INT32: ctypes.c_int32,
