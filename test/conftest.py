@@ -42,7 +42,8 @@ ROOT = Path(__file__).resolve().parent.parent
 # With ROS 2: what keeps a processor busy, and may not run beside its like or beside test_time
 _BUSY = r'/test_(bench|colcon|faults|hot_path|interrupts|shutdown|soak|time)\b'
 _LONG = (r'/(studio/|test_(lint|extractors|parts|engine|hostile|numbers|cells|mutants|readme|'
-         r'corpus|prove|clean_c|shape|layout|worst_case|shared_data|fretish_oracle|\w+_formulas))')
+         r'corpus|prove|clean_c|shape|layout|worst_case|shared_data|fretish_oracle|lsp|suite|'
+         r'keyed_simulate|fit|\w+_formulas))')
 _WORKER = 'PYTEST_XDIST_WORKER'
 _HOME = pytest.StashKey[str]()
 _RUN = pytest.StashKey['tempfile.TemporaryDirectory[str]']()
