@@ -278,10 +278,11 @@ def test_the_page_on_ros_has_the_defaults_and_least_values_of_parameters() -> No
     for name in ('handler_depth', 'blackbox_seconds'):
         assert numbers(name, 'default') == [defaults[name]]
     assert numbers('blackbox_bytes', 'default')[0] == defaults['blackbox_bytes']
-    assert numbers('blackbox_bytes', 'at least') == [parameters._LEAST_BYTES]
+    assert numbers('blackbox_bytes', 'at least') == [parameters.OF_BOTH['blackbox_bytes'].least]
     pair = (defaults['blackbox_files'], defaults['blackbox_disk_bytes'])
     assert tuple(numbers('blackbox_files', 'default')) == pair
-    assert numbers('blackbox_files', 'at least') == [1, parameters._LEAST_DISK_BYTES]
+    assert numbers('blackbox_files', 'at least') == [
+        1, parameters.OF_BOTH['blackbox_disk_bytes'].least]
 
 
 def test_the_page_on_ros_has_the_arguments_of_the_launch_file() -> None:
@@ -301,9 +302,9 @@ def test_the_page_on_ros_has_every_executable_and_the_name_of_its_node() -> None
 
 
 def test_the_page_on_the_exported_node_has_its_parameters() -> None:
-    source = (ROOT / 'csrc/node/parameters.c').read_text(encoding='utf-8')
-    rows = source.partition(' described[] = {')[2].partition('};')[0]
-    own = re.findall(r'^  (?:\{|[A-Z]+\()"(\w+)",', rows, re.MULTILINE)
+    own = [name for path in ('node/parameters.c', 'reporting/parameter_table.h')
+           for name in re.findall(r'^  FM_PARAMETER\("(\w+)",', text_of(f'csrc/{path}'),
+                                  re.MULTILINE)]
     assert 'lock_memory' in own
     row = next(row for row in table('export_ros2.md', '', 'monitor in Python')
                if row[0] == 'parameters')

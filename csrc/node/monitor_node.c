@@ -348,17 +348,18 @@ static int begin_parameters(struct fm_monitor_node * monitor)
 {
   struct fm_text problems = {NULL, 0, 0};
   fm_parameters_begin(&monitor->parameters, &monitor->node, monitor->tables, &problems);
-  if (problems.length > 0) {
-    const char * line = strtok(problems.bytes, "\n");
-    while (line != NULL) {
-      fprintf(stderr, "error: %s\n", line);
-      line = strtok(NULL, "\n");
-    }
-    fm_text_free(&problems);
-    return 1;
-  }
   fm_parameters_warn(&monitor->parameters);
-  return 0;
+  for (const char * line = fm_text_get(&problems); *line != '\0'; ) {
+    const size_t length = strcspn(line, "\n");
+    fprintf(stderr, "error: %.*s\n", (int)length, line);
+    line += length + (line[length] == '\n' ? 1u : 0u);
+  }
+  const bool is_good = problems.length == 0;
+  fm_text_free(&problems);
+  if (is_good) {
+    fm_parameters_warn_of_overrides(&monitor->parameters);
+  }
+  return is_good ? 0 : 1;
 }
 
 static bool begin_lifecycle(struct fm_monitor_node * monitor)

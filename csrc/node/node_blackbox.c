@@ -87,7 +87,6 @@ bool fm_node_blackbox_begin(
   const char * const * names, const struct fm_parameters * parameters)
 {
   const char * given = fm_parameter_find(parameters, "blackbox")->value.string_value.data;
-  const double seconds = fm_parameter_real(parameters, "blackbox_seconds");
   *box = (struct fm_node_blackbox) {.node = node};
   if (given[0] == '\0') {
     return true;
@@ -100,7 +99,7 @@ bool fm_node_blackbox_begin(
   }
   box->options = (struct fm_blackbox_options) {
     .folder = folder,
-    .lasts = (int64_t)((seconds > 0 ? seconds : FM_BLACKBOX_SECONDS) * 1e9),
+    .lasts = (int64_t)(fm_parameter_real(parameters, "blackbox_seconds") * 1e9),
     .memory = (uint64_t)fm_parameter_whole(parameters, "blackbox_bytes"),
     .disk = (uint64_t)fm_parameter_whole(parameters, "blackbox_disk_bytes"),
     .files = (uint64_t)fm_parameter_whole(parameters, "blackbox_files"),

@@ -235,6 +235,7 @@ FM_SERVER(
     assign(&descriptor->description, found->description);
     descriptor->type = found->value.type;
     descriptor->read_only = found->settable == FM_AT_START;
+    descriptor->dynamic_typing = true;  // what a value has to be is checked when it is set
   }
 }
 
@@ -346,10 +347,16 @@ static void set_all(
   rcl_interfaces__msg__SetParametersResult * result)
 {
   struct fm_text reason = {NULL, 0, 0};
+  struct fm_text one = {NULL, 0, 0};
   for (size_t k = 0; k < wanted->size; ++k) {
+    fm_text_clear(&one);
     fm_parameter_refuse(
-      services->parameters, wanted->data[k].name.data, &wanted->data[k].value, &reason);
+      services->parameters, wanted->data[k].name.data, &wanted->data[k].value, &one);
+    if (one.length > 0) {
+      fm_text_join(&reason, "; ", "%s", fm_text_get(&one));
+    }
   }
+  fm_text_free(&one);
   result->successful = reason.length == 0;
   for (size_t k = 0; result->successful && k < wanted->size; ++k) {
     fm_parameter_set(services->parameters, wanted->data[k].name.data, &wanted->data[k].value);

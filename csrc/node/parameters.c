@@ -26,7 +26,7 @@
 
 #include "overrides.h"
 #include "session.h"
-#include "words.h"
+#include "spelling.h"
 
 #define CONSTANTS "constants."
 
@@ -38,7 +38,6 @@
 #define WHOLE(number) {.type = FM_WHOLE, .integer_value = (number), TEXT("", 0)}
 #define REAL(number) {.type = FM_REAL, .double_value = (number), TEXT("", 0)}
 #define WORD(text) {.type = FM_WORD, TEXT(text, strlen(text))}
-#define NO_WORD {.type = FM_WORD, TEXT("", 0)}
 #define LIST {.type = FM_LIST, TEXT("", 0)}
 
 // The value as csrc/reporting reads it; it lives as long as the name and the value.
@@ -187,9 +186,6 @@ static void read_given(struct fm_parameters * parameters)
 
 // ---- checks ------------------------------------------------------------------------------------
 
-static const char * const levels[] = {"debug", "info", "warn", "error", "fatal", NULL};
-static const char * const hot_paths[] = {"auto", "on", "off", NULL};
-
 // `words` ends with NULL.
 static bool is_among(const char * text, const char * const * words)
 {
@@ -199,62 +195,35 @@ static bool is_among(const char * text, const char * const * words)
   return *words != NULL;
 }
 
-static void refuse_value(
-  const char * name, const fm_parameter_value * value, const char * wanted,
-  struct fm_text * reason)
-{
-  const struct fm_given given = given_of(name, value);
-  fm_text_refuse(reason, &given, wanted);
-}
-
 struct described
 {
   const char * name;
-  const char * description;
+  enum fm_parameter_kind kind;
   enum fm_settable settable;
   fm_parameter_value usual;
-  const char * wanted;
-  int64_t least;        // of a number
+  int64_t least;
   int64_t most;
-  const char * const * words;  // of a text, which may be empty; NULL: any
-  int of_yaml;          // another type: YAML makes numbers and truth values of some texts
+  const char * wanted;
+  const char * description;
 };
 
-#define FLAG(name, description, settable, is_true) \
-  {name, description, settable, TRUTH(is_true), "true or false", 0, 0, NULL, FM_TRUTH}
-#define NUMBER(name, description, usual, wanted, least, most) \
-  {name, description, FM_UNCONFIGURED, usual, wanted, least, most, NULL, FM_WHOLE}
-#define BYTES(name, description, usual, least) \
-  {name, description, FM_UNCONFIGURED, WHOLE(usual), \
-    "a number of bytes, at least " #least ": -p " name ":=" #least, least, MOST, NULL, FM_WHOLE}
-#define MOST (INT64_C(1) << 62)
+#define USUAL_FLAG(is_true) TRUTH(is_true)
+#define USUAL_COUNT(number) WHOLE(number)
+#define USUAL_SECONDS(number) REAL(number)
+#define USUAL_TEXT(text) {.type = FM_WORD, TEXT(text, sizeof(text) - 1u)}
+#define USUAL_NUMBERS(text) USUAL_TEXT(text)
+#define USUAL_CHOICE(text) USUAL_TEXT(text)
+#define USUAL_SWITCH(text) USUAL_TEXT(text)
+#define FM_PARAMETER(name, kind, settable, usual, least, most, wanted, description) \
+  {name, FM_KIND_##kind, FM_##settable, USUAL_##kind(usual), least, most, wanted, description},
 
 static const struct described described[] = {
-  FLAG("use_sim_time", "whether the time is that of /clock", FM_ALWAYS, false),
-  {"log_level", FM_WORDS_LOG_LEVEL, FM_ALWAYS, NO_WORD, "one of debug, info, warn, error, fatal",
-    0, 0, levels, FM_WORD},
-  {"hot_path", FM_WORDS_HOT_PATH, FM_UNCONFIGURED, {.type = FM_WORD, TEXT("auto", 4u)},
-    "one of auto, on, off", 0, 0, hot_paths, FM_TRUTH},
-  NUMBER("handler_depth", FM_WORDS_HANDLER_DEPTH, WHOLE(1000), FM_WORDS_COUNT, 1, INT32_MAX),
-  FLAG("log_violations", FM_WORDS_LOG_VIOLATIONS, FM_UNCONFIGURED, true),
-  FLAG("verdicts", FM_WORDS_VERDICTS, FM_UNCONFIGURED, false),
-  FLAG("margins", FM_WORDS_MARGINS, FM_UNCONFIGURED, false),
-  FLAG("autostart", FM_WORDS_AUTOSTART, FM_AT_START, true),
-  {"blackbox", FM_WORDS_BLACKBOX, FM_UNCONFIGURED, NO_WORD, "the path of a folder", 0, 0, NULL,
-    FM_WORD},
-  NUMBER("blackbox_seconds", FM_WORDS_BLACKBOX_SECONDS, REAL(FM_BLACKBOX_SECONDS),
-    "a number above 0 (seconds, say 10.0)", 0, 1000000000),
-  BYTES("blackbox_bytes", FM_WORDS_BLACKBOX_BYTES, 64 << 20, 4096),
-  NUMBER("blackbox_files", FM_WORDS_BLACKBOX_FILES, WHOLE(20),
-    "a number of files, at least 1: -p blackbox_files:=1", 1, MOST),
-  BYTES("blackbox_disk_bytes", FM_WORDS_BLACKBOX_DISK_BYTES, 1 << 30, 1048576),
-  NUMBER("priority", FM_WORDS_PRIORITY, WHOLE(0), FM_WORDS_ANY_PRIORITY, 0, 99),
-  {"processors", FM_WORDS_PROCESSORS, FM_UNCONFIGURED, NO_WORD, FM_WORDS_SOME_PROCESSORS, 0, 0,
-    NULL, FM_WHOLE},
-  FLAG("lock_memory", FM_WORDS_LOCK_MEMORY, FM_UNCONFIGURED, false),
-  FLAG("start_type_description_service", "whether the node offers ~/get_type_description",
-    FM_AT_START, true)};
-enum { N_DESCRIBED = sizeof(described) / sizeof(described[0]) };
+  FM_PARAMETERS
+  FM_PARAMETER("use_sim_time", FLAG, ALWAYS, false, 0, 0, "true or false",
+    "whether the time is that of /clock")
+  FM_PARAMETER("start_type_description_service", FLAG, AT_START, true, 0, 0, "true or false",
+    "whether the node offers ~/get_type_description")};
+enum { N_DESCRIBED = sizeof(described) / sizeof(described[0]), N_OF_RCL = 2 };  // the last ones
 
 static const struct described * description_of(const char * name)
 {
@@ -266,23 +235,44 @@ static const struct described * description_of(const char * name)
   return NULL;
 }
 
+// Whether a text is empty, or a word of "one of A, B".
+static bool is_choice(const char * text, const char * wanted)
+{
+  const size_t length = strlen(text);
+  for (const char * word = wanted + strlen(FM_ONE_OF); *word != '\0'; word += strspn(word, ", ")) {
+    const size_t n = strcspn(word, ",");
+    if (n == length && strncmp(word, text, n) == 0) {
+      return true;
+    }
+    word += n;
+  }
+  return length == 0;
+}
+
 static bool is_good(const struct described * item, const fm_parameter_value * value)
 {
-  const bool is_whole = value->type == FM_WHOLE && value->integer_value >= item->least &&
-    value->integer_value <= item->most;
-  switch (item->usual.type) {
-    case FM_WHOLE:
-      return is_whole;
-    case FM_REAL:
-      return is_whole || (value->type == FM_REAL && value->double_value >= (double)item->least &&
-             value->double_value < (double)item->most);
-    case FM_WORD:
-      return value->type != FM_WORD ? value->type == item->of_yaml :
-             item->words == NULL || value->string_value.size == 0 ||
-             is_among(value->string_value.data, item->words);
-    default:
+  const bool is_word = value->type == FM_WORD;
+  const double real =
+    value->type == FM_WHOLE ? (double)value->integer_value : value->double_value;
+  switch (item->kind) {
+    case FM_KIND_FLAG:
       return value->type == FM_TRUTH;
+    case FM_KIND_COUNT:
+      return value->type == FM_WHOLE && value->integer_value >= item->least &&
+             value->integer_value <= item->most;
+    case FM_KIND_SECONDS:
+      return (value->type == FM_WHOLE || value->type == FM_REAL) &&
+             real > (double)item->least && real <= (double)item->most;
+    case FM_KIND_CHOICE:
+    case FM_KIND_SWITCH:
+      return is_word ? is_choice(value->string_value.data, item->wanted) :
+             item->kind == FM_KIND_SWITCH && value->type == FM_TRUTH;
+    case FM_KIND_TEXT:
+      return is_word;
+    case FM_KIND_NUMBERS:
+      return is_word || value->type == FM_WHOLE;
   }
+  return false;
 }
 
 // Whether a value is one of a parameter, possibly under another name; adds a line if not.
@@ -292,7 +282,8 @@ static bool check(
 {
   const bool found = is_good(item, value);
   if (!found) {
-    refuse_value(name, value, item->wanted, reason);
+    const struct fm_given given = given_of(name, value);
+    fm_text_refuse(reason, &given, item->wanted);
   }
   return found;
 }
@@ -303,7 +294,7 @@ void fm_parameter_refuse(
 {
   const struct fm_parameter * found = fm_parameter_find(parameters, name);
   if (found == NULL) {
-    fm_text_add(reason, "there is no parameter '%s'", name);
+    fm_text_add(reason, FM_WORDS_NO_PARAMETER, name);
   } else if (begins_with(name, CONSTANTS)) {
     fm_text_add(reason, "%s: compiled into this node", name);
   } else if (found->settable == FM_AT_START) {
@@ -471,6 +462,21 @@ static bool has_other_value(
   return is_other;
 }
 
+// What is given for a constant, whose name may be as FRET writes it; NULL if nothing is.
+static const struct fm_parameter * given_constant(
+  const struct fm_parameters * parameters, const struct fm_constant * constant)
+{
+  for (size_t k = 0; k < parameters->n_given; ++k) {
+    const char * name = parameters->given[k].name;
+    if (begins_with(name, CONSTANTS) &&
+      fm_is_same_name(name + strlen(CONSTANTS), constant->name))
+    {
+      return &parameters->given[k];
+    }
+  }
+  return NULL;
+}
+
 static void declare_constant(
   struct fm_parameters * parameters, const struct fm_constant * constant,
   struct fm_text * problems)
@@ -478,8 +484,7 @@ static void declare_constant(
   const fm_parameter_value value = value_of_constant(constant->value);
   struct fm_text name = {NULL, 0, 0};
   fm_text_add(&name, CONSTANTS "%s", constant->name);
-  const struct fm_parameter * given =
-    find(parameters->given, parameters->n_given, fm_text_get(&name));
+  const struct fm_parameter * given = given_constant(parameters, constant);
   if (given != NULL && !are_equal(&given->value, &value)) {
     fm_text_join(
       problems, "\n", "parameter '%s': the constant is compiled into this node, as %s: export the "
@@ -497,35 +502,58 @@ static bool is_constant(const struct fm_parameters * parameters, const char * na
   const struct fm_constant * constant;
   bool is_one = false;
   for (uint32_t k = 0; (constant = constant_at(parameters, k)) != NULL; ++k) {
-    is_one = is_one || strcmp(constant->name, name) == 0;
+    is_one = is_one || fm_is_same_name(constant->name, name);
   }
   return is_one;
 }
 
-static void refuse_unknown_constants(
-  const struct fm_parameters * parameters, struct fm_text * problems)
+static void refuse_constant(
+  const char * parameter, const char * const * names, uint32_t n, struct fm_text * problems)
 {
-  struct fm_text names = {NULL, 0, 0};
-  const struct fm_constant * constant;
-  for (uint32_t k = 0; (constant = constant_at(parameters, k)) != NULL; ++k) {
-    fm_text_list(&names, ", ", constant->name);
+  struct fm_text hint = {NULL, 0, 0};
+  struct fm_text all = {NULL, 0, 0};
+  for (uint32_t k = 0; k < n; ++k) {
+    fm_text_list(&all, ", ", names[k]);
   }
-  for (size_t k = 0; k < parameters->n_given; ++k) {
-    const char * name = parameters->given[k].name;
-    if (begins_with(name, CONSTANTS) && !is_constant(parameters, name + strlen(CONSTANTS))) {
-      fm_text_join(problems, "\n", "parameter '%s': the bundle has no such constant%s%s", name,
-        names.length > 0 ? "; its constants are " : "", fm_text_get(&names));
+  if (n == 0) {
+    fm_text_add(&hint, FM_WORDS_NO_CONSTANTS);
+  } else if (!fm_text_add_hint(&hint, parameter + strlen(CONSTANTS), names, n)) {
+    fm_text_add(&hint, FM_WORDS_ALL_CONSTANTS, fm_text_get(&all));
+  }
+  fm_text_join(problems, "\n", FM_WORDS_NO_CONSTANT, parameter, fm_text_get(&hint));
+  fm_text_free(&hint);
+  fm_text_free(&all);
+}
+
+static void refuse_unknown_constants(struct fm_parameters * parameters, struct fm_text * problems)
+{
+  const struct fm_constant * constant;
+  uint32_t n = 0;
+  while (constant_at(parameters, n) != NULL) {
+    ++n;
+  }
+  const char ** names = fm_reserve(&parameters->memory, n + 1u, sizeof(*names));
+  n = 0;
+  for (uint32_t k = 0; names != NULL && (constant = constant_at(parameters, k)) != NULL; ++k) {
+    if (!is_among(constant->name, names)) {
+      names[n++] = constant->name;
     }
   }
-  fm_text_free(&names);
+  for (size_t k = 0; names != NULL && k < parameters->n_given; ++k) {
+    const char * name = parameters->given[k].name;
+    if (begins_with(name, CONSTANTS) && !is_constant(parameters, name + strlen(CONSTANTS))) {
+      refuse_constant(name, names, n, problems);
+    }
+  }
 }
 
 static void set_level(const struct fm_parameters * parameters)
 {
   const char * text = fm_parameter_find(parameters, "log_level")->value.string_value.data;
   int level = RCUTILS_LOG_SEVERITY_UNSET;
-  for (int k = 0; levels[k] != NULL; ++k) {
-    level = strcmp(text, levels[k]) == 0 ? RCUTILS_LOG_SEVERITY_DEBUG * (k + 1) : level;
+  if (text[0] != '\0') {
+    fm_ignore(rcutils_logging_severity_level_from_string(
+        text, rcutils_get_default_allocator(), &level));
   }
   fm_log_set_level(parameters->node, level);
 }
@@ -560,36 +588,48 @@ void fm_parameters_begin(
   set_level(parameters);
 }
 
+// Whether a parameter is one of `monitor` or `gate` that decides which node in C it becomes.
+static bool is_compiled(const char * name)
+{
+  static const char * const compiled[] = {
+    "gates", "spec", "library", "policy", "period", "rate", "metrics", "native", NULL};
+  return is_among(name, compiled);
+}
+
 static void warn_of_unknown(const struct fm_parameters * parameters, const char * name)
 {
-  struct fm_text names = {NULL, 0, 0};
-  for (size_t k = 0; k < N_DESCRIBED; ++k) {
-    fm_text_list(&names, ", ", described[k].name);
+  const char * names[N_DESCRIBED];
+  struct fm_text all = {NULL, 0, 0};
+  struct fm_text hint = {NULL, 0, 0};
+  for (uint32_t k = 0; k < N_DESCRIBED - N_OF_RCL; ++k) {
+    names[k] = described[k].name;
+    fm_text_list(&all, ", ", names[k]);
   }
-  fm_log(parameters->node, FM_WARN, "ignored parameter '%s': this node has %s, " CONSTANTS "NAME",
-    name, fm_text_get(&names));
-  fm_text_free(&names);
+  if (!fm_text_add_hint(&hint, name, names, N_DESCRIBED - N_OF_RCL)) {
+    fm_text_add(&hint, FM_WORDS_ALL_PARAMETERS, fm_text_get(&all));
+  }
+  fm_log(parameters->node, FM_WARN, FM_WORDS_IGNORED, name, fm_text_get(&hint));
+  fm_text_free(&all);
+  fm_text_free(&hint);
 }
 
 void fm_parameters_warn(const struct fm_parameters * parameters)
 {
-  static const char * const compiled[] = {
-    "spec", "library", "policy", "period", "rate", "native", "gates", NULL};
-  struct fm_lines lines = {NULL, 0, 0};
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
     const char * dot = strrchr(name, '.');
     const char * last = dot == NULL ? name : dot + 1;
-    if (fm_parameter_find(parameters, name) != NULL || begins_with(name, FM_OVERRIDES)) {
+    if (fm_parameter_find(parameters, name) != NULL || begins_with(name, CONSTANTS) ||
+      begins_with(name, FM_OVERRIDES))
+    {
       continue;
     }
-    const bool is_compiled = is_among(name, compiled);
-    if (is_compiled && parameters->tables->tables[0]->origin[0] != '\0') {
-      continue;  // they have chosen this program
-    }
-    if (is_compiled) {
-      fm_log(parameters->node, FM_WARN,
-        "ignored parameter '%s': the bundle is compiled into this node", name);
+    if (is_compiled(name)) {
+      // Those of a node that stands for `monitor` have chosen this program; `metrics` is refused.
+      if (parameters->tables->tables[0]->origin[0] == '\0' && strcmp(name, "metrics") != 0) {
+        fm_log(parameters->node, FM_WARN, FM_WORDS_IGNORED, name,
+          "the bundle is compiled into this node");
+      }
     } else if (is_constant(parameters, last)) {
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': did you mean '" CONSTANTS "%s'?", name, last);
@@ -597,6 +637,11 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
       warn_of_unknown(parameters, name);
     }
   }
+}
+
+void fm_parameters_warn_of_overrides(const struct fm_parameters * parameters)
+{
+  struct fm_lines lines = {NULL, 0, 0};
   fm_add_unused_overrides(&lines, parameters->facts, (uint32_t)parameters->n_given,
     parameters->subscribed, parameters->n_subscribed);
   fm_log_lines(parameters->node, &lines);

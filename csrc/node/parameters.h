@@ -27,18 +27,10 @@
 #include "given.h"
 #include "log.h"
 #include "node_table.h"
+#include "parameter_table.h"
 
-#define FM_BLACKBOX_SECONDS 10.0  // if the parameter is 0
 
 typedef rcl_interfaces__msg__ParameterValue fm_parameter_value;
-
-/// When a parameter may be set.
-enum fm_settable
-{
-  FM_ALWAYS,         // and takes effect at once
-  FM_UNCONFIGURED,   // read by `configure`
-  FM_AT_START        // given at the start only
-};
 
 struct fm_parameter
 {
@@ -71,8 +63,9 @@ void fm_parameters_begin(
   struct fm_parameters * parameters, struct fm_node * node, const struct fm_node_tables * tables,
   struct fm_text * problems);
 
-/// Log parameters that were given, and are ignored.
+/// Log parameters that were given, and are ignored; then overrides of the quality of service.
 void fm_parameters_warn(const struct fm_parameters * parameters);
+void fm_parameters_warn_of_overrides(const struct fm_parameters * parameters);
 
 void fm_parameters_end(struct fm_parameters * parameters);
 

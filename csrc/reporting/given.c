@@ -17,8 +17,6 @@
 #include "given.h"
 
 #include <inttypes.h>
-#include <stdlib.h>
-#include <string.h>
 
 static void add_value(struct fm_text * text, const struct fm_given * given)
 {
@@ -47,42 +45,4 @@ void fm_refuse_value(
   fm_text_refuse(&text, given, wanted);
   fm_lines_add(lines, FM_ERROR, "%s", fm_text_get(&text));
   fm_text_free(&text);
-}
-
-// How many characters have to be inserted, removed or replaced; `row` has one element more than
-// `other` has characters.
-static size_t distance(const char * one, const char * other, size_t * row)
-{
-  const size_t length = strlen(other);
-  for (size_t k = 0; k <= length; ++k) {
-    row[k] = k;
-  }
-  for (size_t n = 1; one[n - 1u] != '\0'; ++n) {
-    size_t diagonal = row[0];
-    row[0] = n;
-    for (size_t k = 1; k <= length; ++k) {
-      const size_t replaced = diagonal + (one[n - 1u] == other[k - 1u] ? 0u : 1u);
-      const size_t changed = 1u + (row[k] < row[k - 1u] ? row[k] : row[k - 1u]);
-      diagonal = row[k];
-      row[k] = replaced < changed ? replaced : changed;
-    }
-  }
-  return row[length];
-}
-
-void fm_text_hint(
-  struct fm_text * text, const char * word, const char * const * words, uint32_t n)
-{
-  size_t * row = calloc(strlen(word) + 1u, sizeof(*row));
-  size_t least = strlen(word) / 3u + 1u;
-  const char * nearest = NULL;
-  for (uint32_t k = 0; row != NULL && k < n; ++k) {
-    const size_t found = distance(words[k], word, row);
-    nearest = found < least ? words[k] : nearest;
-    least = found < least ? found : least;
-  }
-  if (nearest != NULL) {
-    fm_text_add(text, "; did you mean '%s'?", nearest);
-  }
-  free(row);
 }

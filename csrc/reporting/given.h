@@ -52,9 +52,4 @@ void fm_text_refuse(
 FM_EXPORT void fm_refuse_value(
   struct fm_lines * lines, const struct fm_given * given, const char * wanted);
 
-/// Add "; did you mean 'NAME'?", with that of `words` whose spelling is most like that of a word;
-/// nothing if more than a third of its characters would have to change. O(characters^2 * n).
-void fm_text_hint(
-  struct fm_text * text, const char * word, const char * const * words, uint32_t n);
-
 #endif  // GIVEN_H_

@@ -19,6 +19,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "spelling.h"
 #include "words.h"
 
 #define AVAILABLE "best_available"
@@ -218,9 +219,10 @@ void fm_add_unused_overrides(
       struct fm_text topic = {NULL, 0, 0};
       struct fm_text hint = {NULL, 0, 0};
       fm_text_add(&topic, "%.*s", (int)item.length, item.topic);
-      fm_text_hint(&hint, fm_text_get(&topic), subscribed, n_subscribed);
-      fm_lines_add(lines, FM_WARN, "ignored parameter '%s': the topic %s is not subscribed to%s",
-        given[k].name, fm_text_get(&topic), fm_text_get(&hint));
+      const bool has_hint =
+        fm_text_add_hint(&hint, fm_text_get(&topic), subscribed, n_subscribed);
+      fm_lines_add(lines, FM_WARN, "ignored parameter '%s': the topic %s is not subscribed to%s%s",
+        given[k].name, fm_text_get(&topic), has_hint ? "; " : "", fm_text_get(&hint));
       fm_text_free(&topic);
       fm_text_free(&hint);
     }

@@ -55,51 +55,20 @@
 
 // ---- parameters --------------------------------------------------------------------------------
 
-#define FM_WORDS_LOG_LEVEL \
-  "the least severity that this node logs: debug, info, warn, error or fatal; empty for the " \
-  "process's"
-#define FM_WORDS_HOT_PATH \
-  "whether the middleware's callbacks take the messages: auto (where this is known to work), " \
-  "on, off (they wake a thread that does); read by `configure`"
-#define FM_WORDS_HANDLER_DEPTH \
-  "violations that a slow listener of one handler may be behind before it loses some; read by " \
-  "`configure`"
-#define FM_WORDS_LOG_VIOLATIONS \
-  "whether the node logs violations and their ends; false if the logger does; read by `configure`"
-#define FM_WORDS_VERDICTS \
-  "whether the verdict of each requirement is published on copilot/verdict/ID; read by `configure`"
-#define FM_WORDS_MARGINS \
-  "whether margins are published on copilot/margin, and shown with violations; read by `configure`"
 #define FM_WORDS_NO_MARGINS \
   "parameter 'margins': it was compiled without margins: give --margins to compile or export"
 #define FM_WORDS_NO_MARGINS_OF_GATES "parameter 'margins': a gate has no margins"
-#define FM_WORDS_BLACKBOX \
-  "a folder to which the last messages of all topics are written at each violation; empty: none " \
-  "are kept; read by `configure`"
-#define FM_WORDS_BLACKBOX_SECONDS \
-  "seconds of messages before a violation that a file has; read by `configure`"
-#define FM_WORDS_BLACKBOX_BYTES \
-  "memory for the last messages, in bytes, for each bundle; read by `configure`"
-#define FM_WORDS_BLACKBOX_FILES \
-  "files of black boxes in the folder, at most: the oldest are removed; read by `configure`"
-#define FM_WORDS_BLACKBOX_DISK_BYTES \
-  "bytes of these files together, at most; read by `configure`"
-#define FM_WORDS_PRIORITY \
-  "the priority of all threads under SCHED_FIFO, 1 to 99; 0: as the process was started; read " \
-  "by `configure`"
-#define FM_WORDS_PROCESSORS \
-  "the processors that all threads run on, such as 0,2-3; empty: as the process was started; " \
-  "read by `configure`"
-#define FM_WORDS_LOCK_MEMORY \
-  "whether all memory stays in memory once it was touched; read by `configure`"
-#define FM_WORDS_ANY_PRIORITY "a priority from 1 to 99, or 0 to leave it"
-#define FM_WORDS_SOME_PROCESSORS "numbers of processors, such as 0,2-3"
-#define FM_WORDS_AUTOSTART "whether the node configures and activates itself at its start"
 #define FM_WORDS_COUNT "a number of messages, at least 1"
 #define FM_WORDS_READ_AT_START "%s: read at the start of the process only"
 #define FM_WORDS_READ_ONCE \
   "%s: read when the node is configured, since a step has to mean the same from the first to " \
   "the last; deactivate and clean up first"
+#define FM_WORDS_NO_PARAMETER "there is no parameter '%s'"
+#define FM_WORDS_IGNORED "ignored parameter '%s': %s"
+#define FM_WORDS_ALL_PARAMETERS "this node has %s, constants.NAME"
+#define FM_WORDS_NO_CONSTANT "parameter '%s': no bundle has this constant: %s"
+#define FM_WORDS_ALL_CONSTANTS "the constants are %s"
+#define FM_WORDS_NO_CONSTANTS "there are none"
 
 // ---- what the system is asked for --------------------------------------------------------------
 

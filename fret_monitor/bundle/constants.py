@@ -22,7 +22,7 @@ from fret_monitor.bundle.bundle import Bundle, ConstantEntry
 from fret_monitor.bundle.declared_name import DeclaredName
 from fret_monitor.bundle.yaml_shape import kind_of, text_of
 from fret_monitor.bundle.yaml_tree import Node, YamlList, YamlMapping, YamlScalar
-from fret_monitor.model.diagnostics import did_you_mean, Problems, Span, Text
+from fret_monitor.model.diagnostics import did_you_mean, Problems, Span, Text, UNKNOWN_CONSTANT
 from fret_monitor.model.names import fret_name, is_integer, number_fault, shown
 
 _TRUTHS = ('true', 'false')
@@ -79,8 +79,8 @@ def override_constants(bundle: Bundle, values: Mapping[str, Text], problems: Pro
             names = [item.name.value for item in bundle.constants]
             problems.error(
                 f'{bundle.sources[0].name} has no constant {shown(name)}', text.span,
-                'the value of an unknown constant', did_you_mean(name, names) or (
-                    'the constants are ' + ', '.join(names) if names else 'it has no constants'))
+                UNKNOWN_CONSTANT, did_you_mean(name, names) or (
+                    'the constants are ' + ', '.join(names) if names else 'there are none'))
     return replace(bundle, constants=tuple(constants.values()))
 
 

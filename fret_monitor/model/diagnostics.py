@@ -34,6 +34,7 @@ from typing import NoReturn, TypeAlias
 from unicodedata import east_asian_width
 
 _MAX_SHOWN = 160
+UNKNOWN_CONSTANT = 'the value of an unknown constant'  # a label
 
 # Similarities of two words, as `difflib` counts them: a letter more or less in eight gives 0.93.
 SIMILAR = 0.6  # where one of the known words must be meant

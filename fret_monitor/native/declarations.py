@@ -15,8 +15,8 @@
 """
 Find the declarations for cffi in the headers of csrc, and generate `binding.py` from them.
 
-`words.py` has the words that both nodes say (`csrc/reporting/words.h`), so that no library has to
-be loaded for them.
+`words.py` has the words that both nodes say (`csrc/reporting/words.h`), and the parameters that
+both have (`parameter_table.h`), so that no library has to be loaded for them.
 
 cffi needs a C parser to read declarations. Parsing would take most of the time of a start, and a
 robot may have neither the headers nor the parser. Run this after a header has changed:
@@ -25,6 +25,7 @@ robot may have neither the headers nor the parser. Run this after a header has c
 """
 
 import ast
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 import re
 import tempfile
@@ -58,6 +59,8 @@ _WANTED = re.compile(
     r'|^FM_EXPORT [^;]*;', re.DOTALL | re.MULTILINE)
 
 _WORDS = re.compile(r'^#define FM_WORDS_(\w+)((?:\s+|\\\n|"(?:[^"\\]|\\.)*")+)$', re.MULTILINE)
+_PARAMETER = re.compile(r'^  FM_PARAMETER(\(.*?\))(?: \\)?$', re.DOTALL | re.MULTILINE)
+_NUMBER = re.compile(r'^#define (FM_\w+) (\d+) ', re.MULTILINE)
 
 _HEAD = '''# flake8: noqa
 # ruff: noqa
@@ -92,10 +95,25 @@ def binding_text() -> str:
 
 def words_text() -> str:
     """Return the text of `words.py`, without its licence."""
-    found = _WORDS.findall(csrc_file('words.h').read_text(encoding='utf-8'))
-    return _HEAD.replace('cffi makes of the headers of csrc', 'csrc/reporting/words.h has') + \
-        ''.join(f'{name} = {ast.literal_eval(f"({text})")!r}\n'.replace('\\\n', '')
-                for name, text in found)
+    found = {name: ast.literal_eval(f'({text})'.replace('\\\n', '')) for name, text in
+             _WORDS.findall(csrc_file('words.h').read_text(encoding='utf-8'))}
+    return _HEAD.replace('cffi makes of the headers of csrc', 'csrc/reporting/words.h has, and '
+                         'parameter_table.h') + \
+        ''.join(f'{name} = {text!r}\n' for name, text in found.items()) + '\nPARAMETERS = (\n' + \
+        ''.join(f'    {row},\n' for row in _parameters(found)) + ')\n'
+
+
+def _parameters(words: Mapping[str, str]) -> Iterator[tuple[object, ...]]:
+    """Yield the arguments of each FM_PARAMETER; names that are not defined stay as texts."""
+    table = csrc_file('parameter_table.h').read_text(encoding='utf-8')
+    known = {'true': True, 'false': False, 'INT32_MAX': 2**31 - 1,
+             **{name: int(number) for name, number in _NUMBER.findall(table)},
+             **{f'FM_WORDS_{name}': text for name, text in words.items()}}
+    for text in _PARAMETER.findall(table):
+        row = ast.parse(text.replace('\\\n', ''), mode='eval').body
+        assert isinstance(row, ast.Tuple)
+        yield tuple(known.get(item.id, item.id) if isinstance(item, ast.Name)
+                    else ast.literal_eval(item) for item in row.elts)
 
 
 def write_all() -> None:

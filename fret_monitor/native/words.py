@@ -16,7 +16,7 @@
 # ruff: noqa
 # mypy: ignore-errors
 
-"""What csrc/reporting/words.h has; written by `declarations.py`, not by hand."""
+"""What csrc/reporting/words.h has, and parameter_table.h; written by `declarations.py`, not by hand."""
 
 WAITING = 'waiting to be configured and activated: autostart is false'
 INACTIVE = 'nothing is monitored until the node is active again'
@@ -41,30 +41,37 @@ TAKES = 'messages are taken in C, inside %s%s%s'
 ALL_COPIED = ', and copied before they are read: '
 COPIED = 'messages on %s are copied before they are read: '
 NO_SUPPORT = '%s has no type support for Fast DDS'
-LOG_LEVEL = "the least severity that this node logs: debug, info, warn, error or fatal; empty for the process's"
-HOT_PATH = "whether the middleware's callbacks take the messages: auto (where this is known to work), on, off (they wake a thread that does); read by `configure`"
-HANDLER_DEPTH = 'violations that a slow listener of one handler may be behind before it loses some; read by `configure`'
-LOG_VIOLATIONS = 'whether the node logs violations and their ends; false if the logger does; read by `configure`'
-VERDICTS = 'whether the verdict of each requirement is published on copilot/verdict/ID; read by `configure`'
-MARGINS = 'whether margins are published on copilot/margin, and shown with violations; read by `configure`'
 NO_MARGINS = "parameter 'margins': it was compiled without margins: give --margins to compile or export"
 NO_MARGINS_OF_GATES = "parameter 'margins': a gate has no margins"
-BLACKBOX = 'a folder to which the last messages of all topics are written at each violation; empty: none are kept; read by `configure`'
-BLACKBOX_SECONDS = 'seconds of messages before a violation that a file has; read by `configure`'
-BLACKBOX_BYTES = 'memory for the last messages, in bytes, for each bundle; read by `configure`'
-BLACKBOX_FILES = 'files of black boxes in the folder, at most: the oldest are removed; read by `configure`'
-BLACKBOX_DISK_BYTES = 'bytes of these files together, at most; read by `configure`'
-PRIORITY = 'the priority of all threads under SCHED_FIFO, 1 to 99; 0: as the process was started; read by `configure`'
-PROCESSORS = 'the processors that all threads run on, such as 0,2-3; empty: as the process was started; read by `configure`'
-LOCK_MEMORY = 'whether all memory stays in memory once it was touched; read by `configure`'
-ANY_PRIORITY = 'a priority from 1 to 99, or 0 to leave it'
-SOME_PROCESSORS = 'numbers of processors, such as 0,2-3'
-AUTOSTART = 'whether the node configures and activates itself at its start'
 COUNT = 'a number of messages, at least 1'
 READ_AT_START = '%s: read at the start of the process only'
 READ_ONCE = '%s: read when the node is configured, since a step has to mean the same from the first to the last; deactivate and clean up first'
+NO_PARAMETER = "there is no parameter '%s'"
+IGNORED = "ignored parameter '%s': %s"
+ALL_PARAMETERS = 'this node has %s, constants.NAME'
+NO_CONSTANT = "parameter '%s': no bundle has this constant: %s"
+ALL_CONSTANTS = 'the constants are %s'
+NO_CONSTANTS = 'there are none'
 NO_PRIORITY = 'the priority %d is not possible: %s'
 NO_PROCESSORS = 'to run on the processors %s is not possible: %s'
 NO_LOCKED_MEMORY = 'to lock the memory is not possible: %s'
 OVERRIDE = 'qos_overrides.%s.subscription.%s'
 POLICY = '%s of the subscription to %s; read at the start of the process%s'
+
+PARAMETERS = (
+    ('hot_path', 'SWITCH', 'UNCONFIGURED', 'auto', 0, 0, 'one of auto, on, off', "whether the middleware's callbacks take the messages: auto (where this is known to work), on, off (they wake a thread that does); read by `configure`"),
+    ('handler_depth', 'COUNT', 'UNCONFIGURED', 1000, 1, 2147483647, 'a number of messages, at least 1', 'violations that a slow listener of one handler may be behind before it loses some; read by `configure`'),
+    ('log_violations', 'FLAG', 'UNCONFIGURED', True, 0, 0, 'true or false', 'whether the node logs violations and their ends; false if the logger does; read by `configure`'),
+    ('verdicts', 'FLAG', 'UNCONFIGURED', False, 0, 0, 'true or false', 'whether the verdict of each requirement is published on copilot/verdict/ID; read by `configure`'),
+    ('margins', 'FLAG', 'UNCONFIGURED', False, 0, 0, 'true or false', 'whether margins are published on copilot/margin, and shown with violations; read by `configure`'),
+    ('blackbox', 'TEXT', 'UNCONFIGURED', '', 0, 0, 'the path of a folder', 'a folder to which the last messages of all topics are written at each violation; empty: none are kept; read by `configure`'),
+    ('blackbox_seconds', 'SECONDS', 'UNCONFIGURED', 10.0, 0, 1000000000, 'a number above 0, at most 1000000000 (seconds, say 10.0)', 'seconds of messages before a violation that a file has; read by `configure`'),
+    ('blackbox_bytes', 'COUNT', 'UNCONFIGURED', 67108864, 4096, 4611686018427387903, 'a number of bytes, at least 4096: -p blackbox_bytes:=4096', 'memory for the last messages, in bytes, for each bundle; read by `configure`'),
+    ('blackbox_files', 'COUNT', 'UNCONFIGURED', 20, 1, 4611686018427387903, 'a number of files, at least 1: -p blackbox_files:=1', 'files of black boxes in the folder, at most: the oldest are removed; read by `configure`'),
+    ('blackbox_disk_bytes', 'COUNT', 'UNCONFIGURED', 1073741824, 1048576, 4611686018427387903, 'a number of bytes, at least 1048576: -p blackbox_disk_bytes:=1048576', 'bytes of these files together, at most; read by `configure`'),
+    ('priority', 'COUNT', 'UNCONFIGURED', 0, 0, 99, 'a priority from 1 to 99, or 0 to leave it', 'the priority of all threads under SCHED_FIFO, 1 to 99; 0: as the process was started; read by `configure`'),
+    ('processors', 'NUMBERS', 'UNCONFIGURED', '', 0, 0, 'numbers of processors, such as 0,2-3', 'the processors that all threads run on, such as 0,2-3; empty: as the process was started; read by `configure`'),
+    ('lock_memory', 'FLAG', 'UNCONFIGURED', False, 0, 0, 'true or false', 'whether all memory stays in memory once it was touched; read by `configure`'),
+    ('autostart', 'FLAG', 'AT_START', True, 0, 0, 'true or false', 'whether the node configures and activates itself at its start'),
+    ('log_level', 'CHOICE', 'ALWAYS', '', 0, 0, 'one of debug, info, warn, error, fatal', "the least severity that this node logs: debug, info, warn, error or fatal; empty for the process's"),
+)

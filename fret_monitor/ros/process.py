@@ -132,11 +132,13 @@ def _no_colon() -> str:
 
 def _wrong_type(reason: str) -> str:
     """Return what is wrong with a parameter that rclpy itself declares, such as use_sim_time."""
-    match = re.match(r"Trying to set parameter '(.*?)' to '(.*)' of type .*'BOOL'", reason,
+    match = re.match(r"Trying to set parameter '(.*?)' to '(.*)' of type '(\w+)'.*'BOOL'", reason,
                      re.DOTALL)
     if match is None:
         return reason
-    return f"parameter '{match[1]}' is {match[2]}, and has to be true or false"
+    value = f"'{match[2]}'" if match[3] == 'STRING' else match[2]
+    return f"parameter '{match[1]}' is {'a list' if 'ARRAY' in match[3] else value}, and has to " \
+           'be true or false'
 
 
 def _print_usage(name: str, argument: str) -> int:

@@ -22,17 +22,20 @@ import unicodedata
 
 from csrc.test_evaluator import gcc, run, SANITIZERS
 from differential.compiled import WARNINGS
+from fret_monitor.model.diagnostics import did_you_mean
 from fret_monitor.model.floats import shortest_float32
+from fret_monitor.model.names import fret_name
 from fret_monitor.model.times import short_seconds
 from fret_monitor.native import csrc_file, csrc_includes
 
 HERE = Path(__file__).resolve().parent
 
 
-def spelled(folder: Path, lines: list[str]) -> list[str]:
+def spelled(folder: Path, lines: list[str], program: str = 'node_text') -> list[str]:
     """Return what the C prints for these lines."""
     done = run(*gcc(), *csrc_includes(), *WARNINGS, '-std=c99', *SANITIZERS,
-               HERE / 'node_text.c', csrc_file('text.c'), '-o', folder / 'text', '-lm')
+               HERE / f'{program}.c', csrc_file('text.c'), csrc_file('spelling.c'),
+               '-o', folder / 'text', '-lm')
     assert done.returncode == 0, done.stdout
     printed = subprocess.run([folder / 'text'], input='\n'.join(lines), text=True,
                              capture_output=True, check=True)
@@ -78,3 +81,17 @@ def test_bytes_are_shown_as_characters_where_they_are_some(tmp_path: Path) -> No
     printed = spelled(tmp_path, [f'b {int.from_bytes(word, "little")}' for word in words])
     assert printed == [*map(shown, words)]
     assert sum('?' not in item for item in printed) > 5
+
+
+def test_names_are_spelled_and_suggested_as_in_python(tmp_path: Path) -> None:
+    chance = random.Random(7)
+    special = '.%#$&@!?-*=^ +;:,/\\|~<>(){}[]\'"`'
+    rows = [[*special], ['"a.b"', 'a.b'], ['$a', 'b%'], ['ab', 'ba', 'abb', 'aab', 'ab']]
+    for letters in ('ab', 'abcdef_', f'abc{special}'):
+        rows += [[''.join(chance.choices(letters, k=chance.randint(1, 12)))
+                  for _ in range(chance.randint(1, 8))] for _ in range(1000)]
+    printed = spelled(tmp_path, ['\t'.join(row) for row in rows], 'spelling')
+    wanted = [(fret_name(name), did_you_mean(name, dict.fromkeys(others)))
+              for name, *others in rows]
+    assert printed == [f'{name}\t{hint}\t{int(bool(hint))}' for name, hint in wanted]
+    assert sum(hint.count(' or ') == 2 for _, hint in wanted) > 100

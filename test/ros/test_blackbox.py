@@ -350,16 +350,3 @@ def test_a_folder_that_cannot_be_written_is_an_error_of_configure(
     spec = write_bundle(tmp_path, BUNDLE)
     assert f"parameter 'blackbox': cannot write to the folder '{spec}/box': Not a directory" \
         in start(node, spec, '-p', f'blackbox:={tmp_path}//./{spec.name}/box/').error()
-
-
-@pytest.mark.parametrize(('given', 'words'), [
-    ('blackbox:=3', "parameter 'blackbox' is 3, and has to be the path of a folder"),
-    ('blackbox_seconds:=-1.0', "parameter 'blackbox_seconds' is -1.0, and has to be a number "
-                               'above 0 (seconds, say 10.0)'),
-    ('blackbox_disk_bytes:=100000', 'bytes, at least 1048576: -p blackbox_disk_bytes:=1048576'),
-])
-def test_the_node_in_c_refuses_values_that_cannot_be_used(
-        tmp_path: Path, domain: int, given: str, words: str) -> None:
-    folder = () if given.startswith('blackbox:') else ('-p', f'blackbox:={tmp_path}/box')
-    node = start('rcl', write_bundle(tmp_path, BUNDLE), '-p', given, *folder)
-    assert words in node.error()

@@ -121,11 +121,12 @@ def test_connections_that_say_nothing_are_bounded_and_ended(
 def test_an_address_that_is_taken_or_none_is_refused(url: str) -> None:
     with pytest.raises(Refusal, match=r'cannot listen on 127\.0\.0\.1:\d+: Address already'):
         metrics.MetricsServer(MetricsAddress('127.0.0.1', urlsplit(url).port or 0))
-    for wrong in ('9400', 9400, ':9400', '127.0.0.1', '127.0.0.1:99999', 'a b:1', True):
+    for wrong in ('9400', 9400, ':9400', '127.0.0.1', '127.0.0.1:99999', 'a b:1', False):
         given = Given({'metrics': wrong})
         check_settings(given)
         problem, = given.problems
-        assert problem.startswith(f"parameter 'metrics' is {wrong!r}, and has to be an address")
+        shown = 'false' if wrong is False else repr(wrong)
+        assert problem.startswith(f"parameter 'metrics' is {shown}, and has to be an address")
     given = Given({'metrics': ''})
     assert check_settings(given).metrics is None and given.problems == []
     for text, found in (('[::1]:9400', ('::1', 9400)), ('robot-1:0', ('robot-1', 0))):

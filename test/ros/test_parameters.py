@@ -28,10 +28,10 @@ from rclpy.parameter import Parameter
 from ros.harness import answer_of, make_node, Partner, started
 from ros.test_lifecycle import ACTIVATE, CONFIGURE, Manager, waiting
 
-NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'handler_depth',
-         'log_violations', 'verdicts', 'margins', 'metrics', 'blackbox', 'blackbox_seconds',
+NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'metrics', 'native', 'hot_path',
+         'handler_depth', 'log_violations', 'verdicts', 'margins', 'blackbox', 'blackbox_seconds',
          'blackbox_bytes', 'blackbox_files', 'blackbox_disk_bytes', 'priority', 'processors',
-         'lock_memory', 'native', 'autostart', 'log_level']
+         'lock_memory', 'autostart', 'log_level']
 
 
 @pytest.fixture
@@ -222,7 +222,8 @@ def test_the_logger_does_not_warn_of_parameters_of_the_monitor(
 def test_parameters_that_change_a_bundle_are_named_with_its_errors(
     given: dict[str, object], cause: str, bundle: Path,
 ) -> None:
-    bundle.write_text(BELOW_HALF.replace('x < 0.5', 'O[0,3] (x < 0.5)'), encoding='utf-8')
+    bundle.write_text(BELOW_HALF.replace('x < 0.5', 'O[0,3] (x < 0.5)')
+                      + 'constants: {y: true}\n', encoding='utf-8')
     with pytest.raises(Refusal) as caught:
         open_manifests(read_settings({'spec': str(bundle), **given}))
     assert str(caught.value).endswith(f'note: in place of what the bundle says: {cause}')

@@ -74,9 +74,9 @@ def test_all_problems_of_the_parameters_are_reported_together(context: Context) 
 
 def test_parameters_read_at_the_start_are_refused_at_the_start(context: Context) -> None:
     assert refusal(context, spec='x', autostart='perhaps', log_level='loud').splitlines() == [
+        "error: parameter 'autostart' is 'perhaps', and has to be true or false",
         "error: parameter 'log_level' is 'loud', and has to be one of debug, info, warn, error, "
-        'fatal',
-        "error: parameter 'autostart' is 'perhaps', and has to be true or false"]
+        'fatal']
 
 
 def test_an_empty_list_of_bundles_is_nothing_to_monitor(context: Context) -> None:
@@ -360,7 +360,7 @@ def test_the_logger_refuses_what_the_monitor_does(context: Context, tmp_path: Pa
     (['--', 'bundle.yaml'], "error: unexpected argument 'bundle.yaml'\nusage: "),
     (['-p', 'use_sim_time:=1'], "error: parameter 'use_sim_time' is 1, and has to be true or "
                                 'false\n'),
-    (['-p', 'use_sim_time:=a b'], "error: parameter 'use_sim_time' is a b, and has to be true "
+    (['-p', 'use_sim_time:=a b'], "error: parameter 'use_sim_time' is 'a b', and has to be true "
                                   'or false\n'),
     (['--sepc'], "error: unknown ROS arguments ['--sepc']\n"),
     (['spec:=x y'], "error: unknown ROS arguments ['spec:=x y']: a parameter has -p before it: "

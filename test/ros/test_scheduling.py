@@ -26,7 +26,7 @@ from typing import TypeAlias
 
 from bundles import BELOW_HALF, write_bundle
 import pytest
-from ros.exported import ExportedNode, monitoring, NODES, start
+from ros.exported import ExportedNode, monitoring, NODES
 from ros.harness import NodeProcess
 from strategies import some
 
@@ -75,18 +75,3 @@ def test_a_list_that_is_none_is_logged_and_the_node_runs(run: Start, processors:
     with run('-p', f'processors:="{processors}"') as node:
         line = f'to run on the processors {processors} is not possible: Invalid argument'
         assert line in node.output
-
-
-@pytest.mark.parametrize(('argument', 'problem'), [
-    ('priority:=100', "'priority' is 100, and has to be a priority from 1 to 99, or 0 to leave"),
-    ('priority:=true', "'priority' is {true}, and has to be a priority from 1 to 99"),
-    ('processors:=0.5', "'processors' is 0.5, and has to be numbers of processors, such as 0,2-3"),
-    ('lock_memory:=3', "'lock_memory' is 3, and has to be true or false"),
-])
-def test_a_value_that_cannot_be_used_ends_the_start(
-    argument: str, problem: str, tmp_path: Path,
-) -> None:
-    bundle = write_bundle(tmp_path, BELOW_HALF)
-    for node, true in zip(NODES, ('True', 'true')):
-        assert f'parameter {problem.format(true=true)}' in start(
-            node, bundle, '-p', argument).error()

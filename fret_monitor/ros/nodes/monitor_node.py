@@ -39,8 +39,10 @@ from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.watch import ErrorKeeper, steady_timer, Watch
 from fret_monitor.runtime.start_lines import restarted, watching
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
@@ -103,6 +105,12 @@ class MonitorNode(ClockNode, LifecycleNode):
         self._is_starting = False
         if self._failure is not None:
             raise self._failure
+
+    def set_parameters_atomically(
+            self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters, or say why not in the words of the node in C."""
+        return self._declared.refusal(parameter_list) or \
+            super().set_parameters_atomically(parameter_list)
 
     # rclpy calls these methods at transitions.
 

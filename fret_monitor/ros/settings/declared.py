@@ -18,12 +18,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from fret_monitor.model.diagnostics import did_you_mean
+from fret_monitor.model.diagnostics import did_you_mean, suggestion
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import is_integer, number_fault
 from fret_monitor.native import words
 from fret_monitor.ros.settings.parameters import (
-    check_settings, CONSTANT, CONSTANTS, Described, Given, KNOWN, LEVELS, Refusal,
+    check_settings, CONSTANT, CONSTANTS, Described, Given, KNOWN, OF_BOTH, Refusal,
 )
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -44,7 +44,7 @@ class Parameters:
         Declare the parameters of `table`.
 
         While `is_configured` returns true, those that `configure` reads cannot change. Raises
-        `Refusal` if the value of `log_level` or `autostart` cannot be used.
+        `Refusal` if the value of one that the node in C has, too, cannot be used.
         """
         self._node = node
         self._table = table
@@ -59,14 +59,18 @@ class Parameters:
             node, CONSTANT, read_only=table['spec'].read_only)
         self._ignored = self._find_ignored()
         self._names_of_constants: set[str] = set()
-        given = Given(self.values())
-        _level(given)
-        given.truth('autostart')
-        if given.problems:
-            raise Refusal(*given.problems)
+        self._refuse_values()
         self._set_level()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(lambda _: self._set_level())
+
+    def _refuse_values(self) -> None:
+        values = self.values()
+        given = Given(values)
+        check_settings(given)
+        if not all(item.takes(values[name]) for name, item in OF_BOTH.items() if name in values):
+            self._warn_of_ignored()
+            raise Refusal(*given.problems)
 
     def values(self) -> dict[str, Any]:
         values = {name: self._node.get_parameter(name).value for name in self._table}
@@ -93,9 +97,12 @@ class Parameters:
         try:
             yield
         finally:
-            while self._ignored:
-                name = self._ignored.pop(0)
-                self._node.get_logger().warning(f"ignored parameter '{name}': {self._hint(name)}")
+            self._warn_of_ignored()
+
+    def _warn_of_ignored(self) -> None:
+        while self._ignored:
+            name = self._ignored.pop(0)
+            self._node.get_logger().warning(words.IGNORED % (name, self._hint(name)))
 
     def _find_ignored(self) -> list[str]:
         """
@@ -110,9 +117,20 @@ class Parameters:
     def _hint(self, name: str) -> str:
         constant = name.rpartition('.')[2]
         if constant in self._names_of_constants:
-            return f"did you mean 'constants.{constant}'?"
-        return did_you_mean(name, self._table) or \
-            f'this node has {", ".join(self._table)}, constants.NAME'
+            return suggestion([CONSTANTS + constant])
+        return did_you_mean(name, self._table) or words.ALL_PARAMETERS % ', '.join(self._table)
+
+    def refusal(self, parameters: list[Parameter]) -> SetParametersResult | None:
+        """Return why parameters cannot be set, where rclpy would say it in words of its own."""
+        given = Given({item.name: item.value for item in parameters})
+        for name, value in given.values.items():
+            if not self._node.has_parameter(name):
+                given.problems.append(words.NO_PARAMETER % name)
+            elif self._node.describe_parameter(name).read_only:
+                given.problems.append(words.READ_AT_START % name)
+            elif name == 'use_sim_time' and not isinstance(value, bool):
+                given.refuse(name, 'true or false')
+        return _result(given.problems) if given.problems else None
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         """Refuse values that cannot be used, and changes that are not possible now."""
@@ -123,17 +141,15 @@ class Parameters:
                 successful=False, reason=words.READ_AT_START % ', '.join(overrides))
         new = {item.name: item.value for item in parameters if item.name in self._table
                or self._constants.has(item.name)}
+        if self._is_configured() and (fixed := [name for name in new if name != 'log_level']):
+            return _result(words.READ_ONCE % name for name in fixed)
         given = Given(self.values() | new)
         check_settings(given)
-        _level(given)
-        problems = given.problems
-        fixed = [name for name in new if name != 'log_level']
-        if fixed and self._is_configured():
-            problems = [words.READ_ONCE % ', '.join(fixed)]
-        return SetParametersResult(successful=not problems, reason='; '.join(problems))
+        return _result(given.problems)
 
     def _set_level(self) -> None:
-        self._node.get_logger().set_level(_level(Given(self.values())))
+        self._node.get_logger().set_level(
+            LoggingSeverity[(self.values()['log_level'] or 'unset').upper()])
 
 
 def _knowing_types(set_parameters: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
@@ -151,9 +167,9 @@ def _knowing_types(set_parameters: Callable[[Any, Any], Any]) -> Callable[[Any, 
     return answer
 
 
-def _level(given: Given) -> LoggingSeverity:
-    word = given.word('log_level', LEVELS)
-    return LoggingSeverity[word.upper()] if word else LoggingSeverity.UNSET
+def _result(problems: Iterable[str]) -> SetParametersResult:
+    reason = '; '.join(problems)
+    return SetParametersResult(successful=not reason, reason=reason)
 
 
 class ConstantParameters:

@@ -19,7 +19,7 @@ Parser, code generator and compiler are imported only to compile a bundle: a com
 on robots that have none of them.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 import os
@@ -28,7 +28,9 @@ from time import monotonic, time
 from typing import Any
 
 from fret_monitor.model.bundle_files import refuse_missing
-from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
+from fret_monitor.model.diagnostics import (
+    CompileError, Diagnostic, did_you_mean, Problems, Text, UNKNOWN_CONSTANT,
+)
 from fret_monitor.model.manifest import Manifest, ManifestRequirement, shared_handlers
 from fret_monitor.model.names import exact, fret_name
 from fret_monitor.model.parts import (
@@ -39,7 +41,7 @@ from fret_monitor.native import (
     evaluator_library, load, load_evaluator, Monitor, NativeError, words,
 )
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
-from fret_monitor.ros.settings.parameters import Origin, Refusal, Settings
+from fret_monitor.ros.settings.parameters import CONSTANTS, Origin, Refusal, Settings
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,8 @@ def load_reporting(settings: Settings) -> Any:
 
 def refuse_combinations(settings: Settings, manifests: Sequence[Manifest]) -> None:
     """Refuse constants that no bundle has, and handlers of two bundles; raises `Refusal`."""
-    _refuse_unknown_constants(settings, manifests)
+    _refuse_unknown_constants(
+        settings, (name for item in manifests for name, _ in item.constants))
     _refuse_shared_handlers(settings.origins, manifests)
 
 
@@ -236,18 +239,13 @@ def constants_of(settings: Settings, spec: Path) -> Mapping[str, Text]:
     return own_constants(spec, settings.constants)
 
 
-def _refuse_unknown_constants(settings: Settings, manifests: Sequence[Manifest]) -> None:
-    """Refuse constants that none of several bundles has."""
-    names = list(dict.fromkeys(
-        name for manifest in manifests for name, _ in manifest.constants))
+def _refuse_unknown_constants(settings: Settings, names: Iterable[str]) -> None:
+    """Refuse constants that have none of the names."""
+    names = list(dict.fromkeys(names))
     known = {fret_name(name) for name in names}
-    problems = []
-    for name, text in settings.constants.items():
-        if fret_name(name) not in known:
-            hint = did_you_mean(name, names) or (
-                f'the constants are {", ".join(names)}' if names else 'they have no constants')
-            problems.append(f'{text.source.name}: no bundle has this constant: {hint}')
-    if problems:
+    listed = words.ALL_CONSTANTS % ', '.join(names) if names else words.NO_CONSTANTS
+    if problems := [words.NO_CONSTANT % (CONSTANTS + name, did_you_mean(name, names) or listed)
+                    for name in settings.constants if fret_name(name) not in known]:
         raise Refusal(*problems)
 
 
@@ -257,10 +255,21 @@ def _as_refusal(overrides: str) -> Iterator[None]:
     try:
         yield
     except CompileError as error:
-        note = f'\nnote: in place of what the bundle says: {overrides}' if overrides else ''
-        raise Refusal(f'{error}{note}', heading='') from None  # rendered already
+        problems = [_of_both_nodes(item) for item in error.diagnostics]
+        has_others = any(item.label != UNKNOWN_CONSTANT for item in error.diagnostics)
+        note = f'\nnote: in place of what the bundle says: {overrides}' \
+            if overrides and has_others else ''
+        raise Refusal(f'{CompileError(problems)}{note}', heading='') from None  # rendered already
     except NativeError as error:
         raise Refusal(str(error)) from None
+
+
+def _of_both_nodes(problem: Diagnostic) -> Diagnostic:
+    """Return a problem in the words of the node in C, if that can have it: an unknown constant."""
+    if problem.label != UNKNOWN_CONSTANT or problem.span is None:
+        return problem
+    parameter = problem.span.source.name.removeprefix('parameter ')
+    return Diagnostic(words.NO_CONSTANT % (parameter, problem.help))
 
 
 def _compile(settings: Settings, spec: Path, part: NodePart) -> Opened:

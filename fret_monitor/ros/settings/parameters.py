@@ -18,14 +18,14 @@ The ROS parameters of the nodes: described, checked, and what they mean. Without
 All problems are reported together, each with what to write instead.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
 import re
-from typing import Any
+from typing import Any, cast
 
 from fret_monitor.model.bundle_files import find_bundle
 from fret_monitor.model.diagnostics import CompileError, Source, Text
@@ -40,48 +40,64 @@ CONSTANTS = 'constants.'
 
 @dataclass(frozen=True)
 class Described:
-    """A parameter: its default, its description, and whether it is read-only."""
+    """
+    A parameter: its default, its description, and whether it is read-only.
 
-    default: object
+    `kind` says which values it takes, and `wanted` says it to the user (`parameter_table.h`).
+    """
+
+    default: Any
     description: str
     read_only: bool = False
+    kind: str = ''
+    least: int = 0
+    most: int = 0
+    wanted: str = ''
+
+    def takes(self, value: object) -> bool:
+        """Return whether a value can be used."""
+        is_number = type(value) in (int, float)
+        match self.kind:
+            case 'FLAG':
+                return isinstance(value, bool)
+            case 'COUNT':
+                return type(value) is int and self.least <= value <= self.most
+            case 'SECONDS':
+                return is_number and self.least < cast(float, value) <= self.most
+            case 'CHOICE' | 'SWITCH':
+                is_word = value in ('', *self.wanted.removeprefix(_ONE_OF).split(', '))
+                return is_word or (self.kind == 'SWITCH' and isinstance(value, bool))
+            case _:
+                return isinstance(value, str) or (self.kind == 'NUMBERS' and type(value) is int)
 
 
+_ONE_OF = 'one of '
 _SPEC = ("the bundle: a path, package://PKG/PATH, or the name of a file in this package's config "
          'folder; or a list of them')
 _LIBRARY = ('the folder of a compiled bundle, instead of `spec`; if both are given, it must have '
             'been compiled from that bundle; a list for several')
-_LOG_LEVEL = Described('', words.LOG_LEVEL)
+_POLICIES = ', '.join(item.value for item in Policy)
+
+OF_BOTH = {
+    name: Described(usual, description, settable == 'AT_START', kind, least, most, wanted)
+    for name, kind, settable, usual, least, most, wanted, description in words.PARAMETERS}
+"""The parameters that the node in C has, too."""
 
 MONITOR_PARAMETERS = {
     'spec': Described('', f'{_SPEC}; read by `configure`'),
     'library': Described('', f'{_LIBRARY}; read by `configure`'),
-    'policy': Described('', f"when a step happens: {', '.join(item.value for item in Policy)}; "
-                            "empty for the bundle's; read by `configure`"),
+    'policy': Described('', f"when a step happens: {_POLICIES}; empty for the bundle's; read by "
+                            '`configure`', kind='CHOICE', wanted=_ONE_OF + _POLICIES),
     'period': Described(0.0, 'seconds between two steps, with the policy periodic; 0 for the '
                              "bundle's; read by `configure`"),
     'rate': Described(0.0, 'steps a second, with the policy periodic, instead of a period; 0 for '
                            "the bundle's; read by `configure`"),
-    'hot_path': Described('auto', words.HOT_PATH),
-    'handler_depth': Described(DEFAULT_HANDLER_DEPTH, words.HANDLER_DEPTH),
-    'log_violations': Described(True, words.LOG_VIOLATIONS),
-    'verdicts': Described(False, words.VERDICTS),
-    'margins': Described(False, words.MARGINS),
     'metrics': Described('', 'the address and port at which the figures of /diagnostics are '
                              'served for Prometheus, such as 127.0.0.1:9400; empty: nowhere; '
                              'read by `configure`'),
-    'blackbox': Described('', words.BLACKBOX),
-    'blackbox_seconds': Described(10.0, words.BLACKBOX_SECONDS),
-    'blackbox_bytes': Described(64 << 20, words.BLACKBOX_BYTES),
-    'blackbox_files': Described(20, words.BLACKBOX_FILES),
-    'blackbox_disk_bytes': Described(1 << 30, words.BLACKBOX_DISK_BYTES),
-    'priority': Described(0, words.PRIORITY),
-    'processors': Described('', words.PROCESSORS),
-    'lock_memory': Described(False, words.LOCK_MEMORY),
     'native': Described(False, 'whether the process becomes a node in C that is built for the '
                                'bundle once; read at the start', read_only=True),
-    'autostart': Described(True, words.AUTOSTART, read_only=True),
-    'log_level': _LOG_LEVEL,
+    **OF_BOTH,
 }
 CONSTANT = "a constant of a bundle, with a value in place of the bundle's; read by `configure`"
 GATE_PARAMETERS = {
@@ -100,16 +116,11 @@ LOGGER_PARAMETERS = {
     'handler_depth': Described(
         DEFAULT_HANDLER_DEPTH, 'violations of one handler that may wait in this node',
         read_only=True),
-    'log_level': _LOG_LEVEL,
+    'log_level': OF_BOTH['log_level'],
 }
 
-_MOST = (1 << 62) - 1
-_LEAST_BYTES = 4096  # of a black box
-_LEAST_DISK_BYTES = 1 << 20
 _ADDRESS = re.compile(r'(?P<host>\[[0-9A-Fa-f:.]+(?:%[\w.-]+)?\]|[\w.-]+):(?P<port>[0-9]{1,5})')
 _LARGEST_PORT = 65535
-_HOT_PATHS = ('auto', 'on', 'off')
-LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 # Parameters of rclpy and of both nodes: one parameter file may be given to both.
 KNOWN = {'use_sim_time', 'start_type_description_service',
          *MONITOR_PARAMETERS, *GATE_PARAMETERS, *LOGGER_PARAMETERS}
@@ -200,39 +211,21 @@ class Given:
     def refuse(self, name: str, wanted: str) -> None:
         """Note that a value has to be another."""
         self.problems.append(
-            f"parameter '{name}' is {self.values.get(name)!r}, and has to be {wanted}")
+            f"parameter '{name}' is {_shown(self.values[name])}, and has to be {wanted}")
 
-    def truth(self, name: str, otherwise: bool = True) -> bool:
-        """Return a truth value, and `otherwise` if it is not given."""
-        value = self.values.get(name, otherwise)
-        if not isinstance(value, bool):
-            self.refuse(name, 'true or false')
-        return bool(value)
-
-    def word(self, name: str, among: Sequence[str]) -> str:
-        """Return a word among some, or an empty text if there is none or it is another."""
-        value = self.values.get(name) or ''
-        # In YAML, and so in `-p hot_path:=off`, `on` and `off` are booleans.
-        if isinstance(self.values.get(name), bool) and 'off' in among:
-            value = 'on' if self.values[name] else 'off'
-        if value and value not in among:
-            self.problems.append(
-                f"parameter '{name}' is '{value}', and has to be one of {', '.join(among)}")
-            return ''
-        return str(value)
-
-    def whole(self, name: str, least: int, most: int, wanted: str) -> int:
-        """Return a whole number within limits; `wanted` describes them."""
-        value = self.values.get(name, MONITOR_PARAMETERS[name].default)
-        if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-            self.refuse(name, wanted)
-            return least
-        return value
+    def checked(self, name: str) -> Any:
+        """Return the value of a parameter, or its default if the value cannot be used."""
+        item = MONITOR_PARAMETERS[name]
+        value = self.values.get(name, item.default)
+        if item.takes(value):
+            return value
+        self.refuse(name, item.wanted)
+        return item.default
 
     def positive(self, name: str, unit: str) -> Fraction | None:
         """Return a number above 0, exact; None if there is none."""
-        value = self.values.get(name)
-        if value is None or value == '':
+        value = self.values.get(name, '')
+        if value == '':
             return None
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not is_number or not isfinite(value) or value < 0:
@@ -243,16 +236,36 @@ class Given:
 
     def texts(self, name: str) -> list[str]:
         """Return a text or a list of texts."""
-        value: Any = self.values.get(name) or ''
-        listed: list[Any] = [value] if isinstance(value, str | bool | int | float) else list(value)
+        value: Any = self.values.get(name, '')
+        is_list = isinstance(value, Sequence) and not isinstance(value, str)
+        listed: list[Any] = list(value) if is_list else [value]
         wrong = [item for item in listed
                  if not isinstance(item, str) or not item and listed != ['']]
         if wrong:
             self.problems.append(
-                f"parameter '{name}' is {listed if len(listed) > 1 else value!r}, and has to be a "
-                f"path or a list of paths; quote it: -p '{name}:=\"{wrong[0]}\"'")
+                f"parameter '{name}' is {_listed(listed) if is_list else _shown(value)}, and has "
+                'to be a path or a list of paths; '
+                f"quote it: -p '{name}:=\"{_written(wrong[0])}\"'")
             return []
         return [item for item in listed if item]
+
+
+def _written(value: object) -> str:
+    """Return a value as YAML writes it, without quotes."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _shown(value: object) -> str:
+    """Return a value as YAML writes it; as the node in C does."""
+    if isinstance(value, str):
+        return f"'{value}'"
+    if isinstance(value, int | float):
+        return _written(value)
+    return 'not set' if value is None else 'a list'
+
+
+def _listed(values: Iterable[object]) -> str:
+    return f'[{", ".join(map(_shown, values))}]'
 
 
 def read_settings(values: Mapping[str, Any]) -> Settings:
@@ -273,18 +286,18 @@ def read_settings(values: Mapping[str, Any]) -> Settings:
 
 def check_settings(given: Given) -> Settings:
     """Return the settings; what cannot be used is among the problems then."""
-    origins, policy = _origins(given), given.word('policy', [item.value for item in Policy])
+    origins, policy, period = _origins(given), given.checked('policy'), _period(given)
+    found = {name: given.checked(name) for name in OF_BOTH}
+    hot_path = found['hot_path']
     return Settings(
-        origins=origins, policy=Policy(policy) if policy else None,
-        period=_period(given), hot_path=given.word('hot_path', _HOT_PATHS) or 'auto',
-        handler_depth=given.whole('handler_depth', 1, LARGEST_DEPTH, words.COUNT),
-        log_violations=given.truth('log_violations'),
-        publishes_verdicts=given.truth('verdicts', False),
-        metrics=_metrics(given), constants=_constant_texts(given),
-        blackbox=_blackbox(given), gates=tuple(given.texts('gates')),
-        priority=given.whole('priority', 0, 99, words.ANY_PRIORITY),
-        processors=_processors(given), locks_memory=given.truth('lock_memory', False),
-        margins=given.truth('margins', False))
+        origins=origins, policy=Policy(policy) if policy else None, period=period,
+        hot_path=('off', 'on')[hot_path] if isinstance(hot_path, bool) else hot_path or 'auto',
+        handler_depth=found['handler_depth'], log_violations=found['log_violations'],
+        publishes_verdicts=found['verdicts'], metrics=_metrics(given),
+        constants=_constant_texts(given), blackbox=_blackbox(given, found),
+        gates=tuple(given.texts('gates')), priority=found['priority'],
+        processors=str(found['processors']), locks_memory=found['lock_memory'],
+        margins=found['margins'])
 
 
 def _origins(given: Given) -> tuple[Origin, ...]:
@@ -313,14 +326,13 @@ def _constant_texts(given: Given) -> dict[str, Text]:
         if not isinstance(value, bool | int | float | str):
             given.refuse(parameter, 'a number, true or false')
         else:
-            text = str(value).lower() if isinstance(value, bool) else str(value)
             found[parameter.removeprefix(CONSTANTS)] = Text.whole(
-                Source(f'parameter {parameter}', text))
+                Source(f'parameter {parameter}', _written(value)))
     return found
 
 
 def _metrics(given: Given) -> MetricsAddress | None:
-    value = given.values.get('metrics') or ''
+    value = given.values.get('metrics', '')
     if value == '':
         return None
     found = _ADDRESS.fullmatch(value) if isinstance(value, str) else None
@@ -330,15 +342,8 @@ def _metrics(given: Given) -> MetricsAddress | None:
     return MetricsAddress(found['host'].strip('[]'), int(found['port']))
 
 
-def _blackbox(given: Given) -> BlackBoxSettings | None:
-    folder = given.values.get('blackbox') or ''
-    seconds = given.positive('blackbox_seconds', 'seconds, say 10.0')
-    numbers = [given.whole(name, least, _MOST, f'a number of {unit}, at least {least}: -p {name}'
-                           f':={least}') for name, unit, least in (
-        ('blackbox_bytes', 'bytes', _LEAST_BYTES), ('blackbox_files', 'files', 1),
-        ('blackbox_disk_bytes', 'bytes', _LEAST_DISK_BYTES))]
-    if not isinstance(folder, str):
-        given.refuse('blackbox', 'the path of a folder')
+def _blackbox(given: Given, found: Mapping[str, Any]) -> BlackBoxSettings | None:
+    folder = found['blackbox']
     if not folder or given.problems:
         return None
     try:
@@ -347,14 +352,9 @@ def _blackbox(given: Given) -> BlackBoxSettings | None:
         given.problems.append(f"parameter 'blackbox' is '{folder}', in a working directory that "
                               'was deleted: give the whole path')
         return None
-    return BlackBoxSettings(path, float(seconds or 10), *numbers)
-
-
-def _processors(given: Given) -> str:
-    processors = given.values.get('processors', '')
-    if not isinstance(processors, int | str) or isinstance(processors, bool):
-        given.refuse('processors', words.SOME_PROCESSORS)
-    return str(processors)
+    return BlackBoxSettings(
+        path, float(found['blackbox_seconds']), found['blackbox_bytes'], found['blackbox_files'],
+        found['blackbox_disk_bytes'])
 
 
 def _period(given: Given) -> Fraction | None:
