@@ -65,8 +65,7 @@ static bool is_logged(struct fm_violation_log * log, int64_t now, const char * t
 
 int main(void)
 {
-  void * memory;
-  struct fm_engine * engine = make_engine(&memory, NULL);
+  struct fm_engine * engine = make_engine(NULL);
   const char * topics[] = {"/x"};
   const struct fm_reporter reporter = {&table, &monitor, engine, "node", topics};
   struct fm_violation_log * log = fm_violation_log_create(&reporter);
@@ -78,7 +77,6 @@ int main(void)
   deliver(engine, log, 1);
   CHECK(is_logged(log, 100 * FM_SECOND, "X violated at 3.000: x < 1 [step 2: x = 1]"));
   fm_violation_log_destroy(log);
-  fm_engine_destroy(engine);
-  free(memory);
+  destroy_engine(engine);
   return failures == 0 ? 0 : 1;
 }

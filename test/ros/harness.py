@@ -307,7 +307,7 @@ class Partner:
         """Wait for as many violations as expected, and a while longer to see that no more come."""
         wanted = Counter({name: number for name, number in expected.items() if number})
         end = monotonic() + PATIENCE
-        while +self.heard != wanted and monotonic() < end:
+        while +self.heard.copy() != wanted and monotonic() < end:
             sleep(0.01)
         sleep(0.3)
         assert +self.heard == wanted, f'heard {dict(self.heard)}, due {dict(wanted)}'

@@ -392,7 +392,7 @@ ENTRIES: Sequence[Sequence[str]] = [
     *([to(OWN, value)] for value in ('[1, a]', '')),
     # What is refused, and what is not for nodes.
     ['-p handler_depth'], ['-p'], ['-r x'], ['--params-file /nowhere'], ['--unknown'],
-    ['--log-level warn --disable-rosout-logs -e /e -p handler_depth:=-1'], ['handler_depth: 1']]
+    ['--log-level info --disable-rosout-logs -e /e -p handler_depth:=-1'], ['handler_depth: 1']]
 
 
 @pytest.mark.parametrize('given', ENTRIES, ids=str)
