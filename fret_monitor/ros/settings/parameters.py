@@ -33,7 +33,6 @@ from fret_monitor.model.frozen import frozen
 from fret_monitor.model.policies import Policy
 from fret_monitor.native import words
 
-LARGEST_DEPTH = 2**31 - 1
 DEFAULT_HANDLER_DEPTH = 1000
 CONSTANTS = 'constants.'
 
