@@ -26,10 +26,6 @@
 
 #include "fret_monitor.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 struct fm_blackbox;
 
 /// A message in the ring. Its `size` bytes follow, the key in the name of its topic first; then
@@ -90,9 +86,5 @@ FM_EXPORT uint64_t fm_blackbox_copy(
   struct fm_blackbox * box, uint64_t from, uint8_t * out, uint64_t room, uint64_t * begin);
 
 FM_EXPORT struct fm_blackbox_counts fm_blackbox_count(struct fm_blackbox * box);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // BLACKBOX_H_

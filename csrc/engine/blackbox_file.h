@@ -21,10 +21,6 @@
 
 #include "blackbox.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /// How long a file goes on after the last violation in it, and after the first at most.
 #define FM_BLACKBOX_AFTER_NS 2000000000
 #define FM_BLACKBOX_LONGEST_NS 60000000000
@@ -105,9 +101,5 @@ FM_INTERNAL int fm_blackbox_file_error(const struct fm_blackbox_file * file);
 
 /// Free it. If it was not finished, the file is removed.
 FM_INTERNAL void fm_blackbox_file_close(struct fm_blackbox_file * file);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // BLACKBOX_FILE_H_

@@ -25,10 +25,6 @@
 #include "blackbox_file.h"
 #include "engine.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 struct fm_blackbox_writer;
 
 /// What became of files and messages.
@@ -71,9 +67,5 @@ FM_EXPORT struct fm_blackbox_facts fm_blackbox_writer_facts(struct fm_blackbox_w
 /// Take the oldest event. False if there is none.
 FM_INTERNAL bool fm_blackbox_writer_take(
   struct fm_blackbox_writer * writer, struct fm_blackbox_event * out);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // BLACKBOX_WRITER_H_

@@ -47,10 +47,6 @@
 #include "states.h"
 #include "transforms.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
 #define FM_ENGINE_ABI 38u
 
@@ -447,9 +443,5 @@ FM_EXPORT void fm_engine_count_unpublished(struct fm_engine * engine, uint64_t m
 /// The messages of a topic that took effect out of order, or wait for long.
 FM_EXPORT struct fm_order_counts fm_engine_order_counts(
   struct fm_engine * engine, uint32_t topic);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // ENGINE_H_

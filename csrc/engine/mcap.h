@@ -23,10 +23,6 @@
 
 #include "fret_monitor.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 struct fm_mcap;
 
 /// A text about the whole file.
@@ -68,9 +64,5 @@ FM_EXPORT uint64_t fm_mcap_size(const struct fm_mcap * mcap);
 
 /// The first error, as in errno; 0: none. O(1).
 FM_EXPORT int fm_mcap_error(const struct fm_mcap * mcap);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // MCAP_H_

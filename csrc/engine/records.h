@@ -23,10 +23,6 @@
 
 #include "engine.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /// Messages of a recording, in the order of their times, one after another in `bytes`. The caller
 /// owns all of it; only `next`, `place`, `key_place` and `counts` are written.
 struct fm_records
@@ -69,9 +65,5 @@ FM_EXPORT bool fm_engine_advance_all(struct fm_engine * engine, int64_t now, uin
 
 /// The latest stamp of the messages that wait for their time (engine.h); INT64_MIN if none does.
 FM_EXPORT int64_t fm_engine_latest_waiting(struct fm_engine * engine);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // RECORDS_H_

@@ -19,10 +19,6 @@
 
 #include "engine.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 struct fm_input_snapshot
 {
   struct fm_input_counts counts;
@@ -99,9 +95,5 @@ static inline size_t fm_condition_bytes(uint32_t n_requirements, uint32_t n_inpu
 /// topics + bytes of the changes + what is due), and O(instances) of a kind with listed keys, or
 /// with violated ones.
 FM_EXPORT void fm_engine_snapshot(struct fm_engine * engine, struct fm_snapshot * out);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // SNAPSHOT_H_

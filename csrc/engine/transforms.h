@@ -29,10 +29,6 @@
 
 #include <stddef.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #define FM_TREE_NS INT64_C(10000000000)  // as tf2's buffer
 #define FM_MOST_FRAMES 1024u
 #define FM_MOST_SAMPLES 8192u  // of a link
@@ -94,9 +90,5 @@ FM_EXPORT const char * fm_tree_missing(const struct fm_tree * tree, bool of_to);
 
 /// What was left out so far. O(1).
 FM_EXPORT struct fm_tree_counts fm_tree_left_out(const struct fm_tree * tree);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // TRANSFORMS_H_

@@ -47,10 +47,6 @@
 #include "evaluator.h"
 #include "fret_fields.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /// What is sent in place of a message that is withheld.
 enum fm_otherwise
 {
@@ -170,9 +166,5 @@ FM_EXPORT void fm_gate_reset(struct fm_gate * gate);
 
 /// The counters, and the state by the steady time. O(inputs + requirements).
 FM_EXPORT struct fm_gate_counts fm_gate_counts(const struct fm_gate * gate, int64_t steady);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // GATE_H_

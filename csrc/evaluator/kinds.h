@@ -19,10 +19,6 @@
 
 #include "evaluator.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #define FM_MOST_KEY_BYTES 255u
 #define FM_NO_SLOT UINT32_MAX
 
@@ -110,9 +106,5 @@ struct fm_pool_counts
   uint64_t unsized;  // of these, how many whose key has too many bytes or none
   uint64_t second;   // of these, how many pairs of which there was room for the first key alone
 };
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // KINDS_H_

@@ -18,7 +18,6 @@
 #include "scopes.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "due.h"
 #include "scopes_parts.h"

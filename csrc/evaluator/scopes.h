@@ -49,10 +49,6 @@
 
 #include "kinds.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /// What a sink is told. The violations are those of the step, valid until it returns, as is the
 /// key of the slot (fm_scopes_key).
 enum fm_scope_event
@@ -267,9 +263,5 @@ FM_INTERNAL void fm_scopes_count_unknown(struct fm_scopes * scopes);
 /// nothing is known of them. O(inputs).
 FM_INTERNAL uint64_t fm_scopes_unknown(
   const struct fm_scopes * scopes, uint32_t kind, uint32_t requirement);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // SCOPES_H_

@@ -60,20 +60,13 @@ void fm_log_end(void)
   fm_ignore(rcl_logging_fini());
 }
 
-void fm_log_join_rosout(struct fm_node * node)
+void fm_log_on_rosout(struct fm_node * node, bool is_published)
 {
   if (rcl_logging_rosout_enabled()) {
     pthread_mutex_lock(&mutex);
-    fm_ignore(rcl_logging_rosout_init_publisher_for_node(&node->node));
-    pthread_mutex_unlock(&mutex);
-  }
-}
-
-void fm_log_leave_rosout(struct fm_node * node)
-{
-  if (rcl_logging_rosout_enabled()) {
-    pthread_mutex_lock(&mutex);
-    fm_ignore(rcl_logging_rosout_fini_publisher_for_node(&node->node));
+    fm_ignore(
+      is_published ? rcl_logging_rosout_init_publisher_for_node(&node->node) :
+      rcl_logging_rosout_fini_publisher_for_node(&node->node));
     pthread_mutex_unlock(&mutex);
   }
 }

@@ -37,10 +37,9 @@ struct fm_node
 bool fm_log_begin(struct fm_node * node);
 void fm_log_end(void);
 
-/// Publish the log on /rosout as well, from when the node is made until before it ends; nothing,
-/// if an argument has disabled it. Call them from the main thread.
-void fm_log_join_rosout(struct fm_node * node);
-void fm_log_leave_rosout(struct fm_node * node);
+/// Publish the log on /rosout as well, from when the node is made, or no more, before it ends;
+/// nothing, if an argument has disabled it. Call it from the main thread.
+void fm_log_on_rosout(struct fm_node * node, bool is_published);
 
 /// Set the least severity that the node logs, one of rcutils. Call it from the main thread.
 void fm_log_set_level(const struct fm_node * node, int severity);

@@ -68,15 +68,10 @@ static void schedule(const struct fm_node * node, const struct fm_parameters * g
   fm_text_free(&text);
 }
 
-static uint32_t n_sessions(const struct fm_monitor_node * monitor)
-{
-  return monitor->tables->n;
-}
-
 static bool configure_all(struct fm_monitor_node * monitor)
 {
   bool is_good = fm_refuse_names(&monitor->node, monitor->tables);
-  for (uint32_t k = 0; is_good && k < n_sessions(monitor); ++k) {
+  for (uint32_t k = 0; is_good && k < monitor->tables->n; ++k) {
     is_good = fm_session_configure(
       &monitor->sessions[k], monitor->tables, k, &monitor->node, &monitor->clock,
       &monitor->parameters);
@@ -105,7 +100,7 @@ static bool configure(void * context)
     return false;
   }
   schedule(&monitor->node, &monitor->parameters);
-  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+  for (uint32_t k = 0; k < monitor->tables->n; ++k) {
     warn(monitor, monitor->tables->tables[k]);
   }
   return true;
@@ -116,7 +111,7 @@ static void deactivate(void * context)
   struct fm_monitor_node * monitor = context;
   monitor->is_active = false;
   fm_sign_of_life_end(&monitor->sign_of_life);
-  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+  for (uint32_t k = 0; k < monitor->tables->n; ++k) {
     fm_health_end(&monitor->healths[k]);
     fm_session_deactivate(&monitor->sessions[k]);
   }
@@ -142,7 +137,7 @@ static void log_taking(struct fm_monitor_node * monitor, const char * middleware
 
 static void log_watching(const struct fm_monitor_node * monitor)
 {
-  const uint32_t n = n_sessions(monitor);
+  const uint32_t n = monitor->tables->n;
   struct fm_watched * watched = calloc(n, sizeof(*watched));
   struct fm_lines lines = {NULL, 0, 0};
   for (uint32_t k = 0; watched != NULL && k < n; ++k) {
@@ -160,7 +155,7 @@ static void log_watching(const struct fm_monitor_node * monitor)
 
 static bool activate_all(struct fm_monitor_node * monitor)
 {
-  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+  for (uint32_t k = 0; k < monitor->tables->n; ++k) {
     if (!fm_session_activate(&monitor->sessions[k]) ||
       !fm_health_begin(&monitor->healths[k], &monitor->sessions[k]))
     {
@@ -168,7 +163,7 @@ static bool activate_all(struct fm_monitor_node * monitor)
     }
   }
   return fm_sign_of_life_begin(
-    &monitor->sign_of_life, monitor->sessions, n_sessions(monitor));
+    &monitor->sign_of_life, monitor->sessions, monitor->tables->n);
 }
 
 static bool activate(void * context)
@@ -194,7 +189,7 @@ static void release(void * context)
   if (monitor->is_active) {
     deactivate(context);
   }
-  for (uint32_t k = 0; monitor->sessions != NULL && k < n_sessions(monitor); ++k) {
+  for (uint32_t k = 0; monitor->sessions != NULL && k < monitor->tables->n; ++k) {
     if (monitor->sessions[k].table != NULL) {
       fm_session_release(&monitor->sessions[k]);
     }
@@ -207,7 +202,7 @@ static void release(void * context)
 static uint64_t reset_all(struct fm_monitor_node * monitor)
 {
   uint64_t n_groups = 0;
-  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+  for (uint32_t k = 0; k < monitor->tables->n; ++k) {
     fm_engine_reset(monitor->sessions[k].engine);
     n_groups += monitor->tables->tables[k]->n_groups;
   }
@@ -254,7 +249,7 @@ static bool begin_types(struct fm_monitor_node * monitor)
 static void for_engines(
   struct fm_monitor_node * monitor, void (* act)(struct fm_engine * engine))
 {
-  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+  for (uint32_t k = 0; k < monitor->tables->n; ++k) {
     if (monitor->sessions[k].is_active) {
       act(monitor->sessions[k].engine);
     }
@@ -271,7 +266,7 @@ static void simulate(struct fm_monitor_node * monitor, bool is_simulated)
   }
   const bool is_new = fm_clock_simulate(&monitor->clock, is_simulated) && !was_simulated &&
     is_simulated;
-  for (uint32_t k = 0; is_new && k < n_sessions(monitor); ++k) {
+  for (uint32_t k = 0; is_new && k < monitor->tables->n; ++k) {
     if (monitor->sessions[k].is_active) {
       fm_engine_follow_clock(
         monitor->sessions[k].engine, fm_clock_read, &monitor->clock, true);
@@ -326,8 +321,8 @@ static int refuse_unknown_arguments(const struct fm_monitor_node * monitor)
 static int begin_node(struct fm_monitor_node * monitor)
 {
   const rcl_node_options_t options = rcl_node_get_default_options();
-  monitor->sessions = calloc(n_sessions(monitor), sizeof(*monitor->sessions));
-  monitor->healths = calloc(n_sessions(monitor), sizeof(*monitor->healths));
+  monitor->sessions = calloc(monitor->tables->n, sizeof(*monitor->sessions));
+  monitor->healths = calloc(monitor->tables->n, sizeof(*monitor->healths));
   monitor->has_log = monitor->sessions != NULL && monitor->healths != NULL &&
     fm_log_begin(&monitor->node);
   if (!monitor->has_log) {
@@ -340,7 +335,7 @@ static int begin_node(struct fm_monitor_node * monitor)
   {
     return fail("the node cannot be made");
   }
-  fm_log_join_rosout(&monitor->node);
+  fm_log_on_rosout(&monitor->node, true);
   return 0;
 }
 
@@ -387,7 +382,7 @@ static bool begin_services(struct fm_monitor_node * monitor)
     &monitor->node, &monitor->reset, ROSIDL_GET_SRV_TYPE_SUPPORT(std_srvs, srv, Trigger),
     "~/reset", &rmw_qos_profile_services_default) &&
          rcl_wait_set_init(
-    &monitor->wait_set, 1, 1, 0, n_sessions(monitor), FM_OFFERED + n_sessions(monitor), 0,
+    &monitor->wait_set, 1, 1, 0, monitor->tables->n, FM_OFFERED + monitor->tables->n, 0,
     &monitor->node.context, monitor->node.allocator) == RCL_RET_OK;
 }
 
@@ -438,7 +433,7 @@ void fm_monitor_node_end(struct fm_monitor_node * monitor)
     }
     fm_parameters_end(&monitor->parameters);
     fm_ignore(rcl_wait_set_fini(&monitor->wait_set));
-    fm_log_leave_rosout(&monitor->node);
+    fm_log_on_rosout(&monitor->node, false);
     fm_ignore(rcl_node_fini(&monitor->node.node));
   }
   if (monitor->node.context.impl != NULL) {
@@ -465,22 +460,12 @@ static bool fill_wait_set(struct fm_monitor_node * monitor)
   is_good = is_good && rcl_wait_set_add_guard_condition(
     &monitor->wait_set, rcl_node_get_graph_guard_condition(&monitor->node.node), NULL) ==
     RCL_RET_OK;
-  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+  for (uint32_t k = 0; k < monitor->tables->n; ++k) {
     is_good = is_good &&
       fm_service_gate_wait(&monitor->sessions[k].gate.service, &monitor->wait_set);
   }
   return is_good && (!monitor->clock.is_simulated || rcl_wait_set_add_subscription(
            &monitor->wait_set, &monitor->clock.subscription, NULL) == RCL_RET_OK);
-}
-
-static bool has_request(const struct fm_monitor_node * monitor)
-{
-  for (int k = 0; k < FM_OFFERED; ++k) {
-    if (monitor->wait_set.services[k] != NULL) {
-      return true;
-    }
-  }
-  return false;
 }
 
 // What was received before the clock goes back counts by its time of before.
@@ -501,7 +486,7 @@ static int64_t earliest(
   struct fm_monitor_node * monitor, int64_t (* act)(struct fm_session * session))
 {
   int64_t first = FM_NEVER;
-  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+  for (uint32_t k = 0; k < monitor->tables->n; ++k) {
     const int64_t next = act(&monitor->sessions[k]);
     first = next < first ? next : first;
   }
@@ -515,17 +500,18 @@ static void note_change(struct fm_monitor_node * monitor)
   }
 }
 
+// The places of services in the wait set are those in `offered`: only the last may be missing.
 static void serve_all(struct fm_monitor_node * monitor)
 {
   note_change(monitor);
   serve_clock(monitor);
-  for (int k = 0; k < FM_OFFERED && has_request(monitor); ++k) {
-    if (monitor->offered[k].service->impl != NULL) {
-      monitor->offered[k].serve(
-        &monitor->node, monitor->offered[k].service, monitor->offered[k].context);
+  for (int k = 0; k < FM_OFFERED; ++k) {
+    const struct fm_offered * offered = &monitor->offered[k];
+    if (offered->service->impl != NULL && monitor->wait_set.services[k] != NULL) {
+      offered->serve(&monitor->node, offered->service, offered->context);
     }
   }
-  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+  for (uint32_t k = 0; k < monitor->tables->n; ++k) {
     if (monitor->sessions[k].gate.service.engine != NULL) {
       fm_service_gate_serve(&monitor->sessions[k].gate.service);
     }
@@ -540,7 +526,7 @@ static void run_timers_of_sessions(struct fm_monitor_node * monitor, int64_t now
     monitor->next_review = earliest(monitor, fm_session_review);
   }
   if (fm_passes(&monitor->next_report, now, REPORT_PERIOD_NS)) {
-    for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+    for (uint32_t k = 0; k < monitor->tables->n; ++k) {
       fm_health_review(&monitor->healths[k]);
     }
     fm_sign_of_life_beat(&monitor->sign_of_life);

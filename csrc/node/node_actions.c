@@ -19,7 +19,6 @@
 #include <lifecycle_msgs/srv/change_state.h>
 #include <lifecycle_msgs/srv/get_state.h>
 #include <std_msgs/msg/bool.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "endpoints.h"

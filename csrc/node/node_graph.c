@@ -18,7 +18,6 @@
 
 #include <lifecycle_msgs/srv/get_state.h>
 #include <rcl_interfaces/srv/get_parameters.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "endpoints.h"

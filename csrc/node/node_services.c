@@ -38,7 +38,6 @@
 #include <rmw/qos_profiles.h>
 #include <rosidl_runtime_c/primitives_sequence_functions.h>
 #include <rosidl_runtime_c/string_functions.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "words.h"

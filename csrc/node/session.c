@@ -22,7 +22,6 @@
 #include <std_msgs/msg/empty.h>
 #include <std_msgs/msg/float64.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "endpoints.h"
@@ -455,11 +454,6 @@ void fm_session_deactivate(struct fm_session * session)
 
 // ---- while it runs -----------------------------------------------------------------------------
 
-static bool is_subscribed(const struct fm_mapped_topic * topic)
-{
-  return topic->state != NULL;
-}
-
 static uint32_t count_topics(const struct fm_session * session)
 {
   return session->n_topics + session->bound.n;
@@ -474,7 +468,7 @@ static struct fm_mapped_topic * topic_at(const struct fm_session * session, uint
 static void note_all(struct fm_session * session)
 {
   for (uint32_t k = 0; k < count_topics(session); ++k) {
-    topic_at(session, k)->is_due = is_subscribed(topic_at(session, k));
+    topic_at(session, k)->is_due = topic_at(session, k)->state != NULL;
   }
 }
 
@@ -496,7 +490,7 @@ static void note_unsettled(struct fm_session * session, int64_t now)
 {
   for (uint32_t k = 0; k < count_topics(session); ++k) {
     struct fm_mapped_topic * topic = topic_at(session, k);
-    topic->is_due = topic->is_due || (is_subscribed(topic) && !fm_topic_is_settled(topic));
+    topic->is_due = topic->is_due || (topic->state != NULL && !fm_topic_is_settled(topic));
   }
   if (now >= session->next_round) {
     session->next_round = now + FM_LOOK_AGAIN_NS;
@@ -530,7 +524,7 @@ static uint32_t count_subscriptions(const struct fm_session * session, const cha
   uint32_t n = 0;
   for (uint32_t k = 0; k < count_topics(session); ++k) {
     const struct fm_mapped_topic * topic = topic_at(session, k);
-    if (is_subscribed(topic) && strcmp(topic->name, name) == 0) {
+    if (topic->state != NULL && strcmp(topic->name, name) == 0) {
       n += 1u + topic->n_retired;
     }
   }
@@ -547,7 +541,7 @@ void fm_session_publishers(const struct fm_session * session, struct fm_publishe
   }
   for (uint32_t k = 0; k < count_topics(session); ++k) {
     const struct fm_mapped_topic * mapped = topic_at(session, k);
-    if (is_subscribed(mapped)) {
+    if (mapped->state != NULL) {
       const struct fm_publishers one = fm_subscription_publishers(mapped->state);
       struct fm_publishers * all = &topics[mapped->index];
       all->n += one.n;

@@ -15,7 +15,6 @@
 /// input_log.c: lines about inputs and topics: silences, messages that cannot be used, and
 /// requirements that wait for their first values.
 
-#include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -17,7 +17,6 @@
 #include "lines.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 void fm_lines_add(struct fm_lines * lines, enum fm_level level, const char * format, ...)
 {

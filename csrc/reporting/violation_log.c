@@ -271,8 +271,3 @@ void fm_violation_log_review(
     }
   }
 }
-
-void fm_violation_log_end(struct fm_violation_log * log, struct fm_lines * lines)
-{
-  fm_violation_log_review(log, INT64_MAX - INTERVAL_NS, lines);
-}

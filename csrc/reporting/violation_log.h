@@ -32,6 +32,8 @@
 /// Details of a requirement in a second while nobody subscribes to them.
 #define FM_LOGGED_PER_S 10u
 
+#define FM_AT_END (INT64_MAX - FM_SECOND)  // later than any time
+
 /// Add the line of a violation, at its severity. `about`: id, sentence and severity are read.
 /// `stamp` is in nanoseconds. `detail` is a status of details.h, whose name is that of the
 /// instance; NULL: not known. The line stands for `more` other violations, too. Any thread.
@@ -62,11 +64,8 @@ FM_EXPORT void fm_violation_log_add(
   struct fm_lines * lines);
 
 /// Log what was left out, where a second has passed since the last line; to be called several
-/// times a second. O(requirements).
+/// times a second, and at the end with FM_AT_END as `now`: it logs all of it. O(requirements).
 FM_EXPORT void fm_violation_log_review(
   struct fm_violation_log * log, int64_t now, struct fm_lines * lines);
-
-/// Log all that was left out.
-FM_EXPORT void fm_violation_log_end(struct fm_violation_log * log, struct fm_lines * lines);
 
 #endif  // VIOLATION_LOG_H_

@@ -41,6 +41,7 @@ struct caller
 struct fm_actions
 {
   struct fm_actions_options options;
+  struct fm_memory memory;               // of all arrays
   struct fm_schedule * schedule;         // of the bundle
   struct fm_schedules * schedules;       // those of a kind's variables at the first such kind
   struct fm_action_call * calls;         // of each action; zeroed if it publishes
@@ -341,13 +342,7 @@ static void free_actions(struct fm_actions * actions)
   }
   pthread_mutex_destroy(&actions->mutex);
   fm_lines_free(&actions->lines);
-  free(actions->calls);
-  free(actions->callers);
-  free(actions->schedules);
-  free(actions->payload);
-  free(actions->states);
-  free(actions->counts);
-  free(actions->next_lines);
+  fm_memory_free(&actions->memory);
   free(actions);
 }
 
@@ -364,18 +359,16 @@ static size_t most_bytes(const struct fm_report_table * table)
 static bool make_memory(struct fm_actions * actions)
 {
   const struct fm_report_table * table = actions->options.table;
-  const size_t n = table->n_actions + (size_t)1;
-  actions->calls = calloc(n, sizeof(*actions->calls));
-  actions->callers = calloc(n, sizeof(*actions->callers));
-  actions->payload = malloc(most_bytes(table) + 1u);
-  actions->states = calloc(table->n_requirements + (size_t)1, sizeof(*actions->states));
-  actions->counts = calloc(n, sizeof(*actions->counts));
-  actions->next_lines = calloc(n, sizeof(*actions->next_lines));
-  actions->schedules = calloc(table->n_kinds + (size_t)1, sizeof(*actions->schedules));
-  if (actions->calls == NULL || actions->callers == NULL || actions->payload == NULL ||
-    actions->states == NULL || actions->counts == NULL || actions->next_lines == NULL ||
-    actions->schedules == NULL)
-  {
+  struct fm_memory * memory = &actions->memory;
+  const size_t n = table->n_actions;
+  actions->calls = fm_reserve(memory, n, sizeof(*actions->calls));
+  actions->callers = fm_reserve(memory, n, sizeof(*actions->callers));
+  actions->payload = fm_reserve(memory, most_bytes(table), 1);
+  actions->states = fm_reserve(memory, table->n_requirements, sizeof(*actions->states));
+  actions->counts = fm_reserve(memory, n, sizeof(*actions->counts));
+  actions->next_lines = fm_reserve(memory, n, sizeof(*actions->next_lines));
+  actions->schedules = fm_reserve(memory, table->n_kinds, sizeof(*actions->schedules));
+  if (memory->is_short) {
     return false;
   }
   if (actions->options.before != NULL) {

@@ -23,10 +23,6 @@
 #include "action_call.h"
 #include "engine.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 struct fm_actions;
 
 /// What the thread works with. The caller owns all of it; it outlives the thread.
@@ -66,9 +62,5 @@ FM_EXPORT void fm_actions_end(struct fm_actions * actions);
 
 /// fm_actions_end, free the memory and set `*actions` to NULL; does nothing if it is NULL.
 FM_EXPORT void fm_actions_join(struct fm_actions ** actions);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // ACTIONS_H_

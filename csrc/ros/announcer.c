@@ -23,6 +23,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "text.h"
 #include "thread.h"
 
 #define BATCH 64u
@@ -58,6 +59,7 @@ struct fm_announcer
   uint32_t n_locks;
   struct fm_requirement_state * states;  // if there are locks
   struct margins margins;
+  struct fm_memory memory;               // of all arrays
   pthread_t thread;
   uint64_t turns;  // atomic
 };
@@ -199,26 +201,22 @@ static void * run(void * argument)
 
 static void free_announcer(struct fm_announcer * announcer)
 {
-  free(announcer->publishers);
-  free(announcer->locks);
-  free(announcer->states);
-  free(announcer->margins.publishers);
-  free(announcer->margins.found);
-  free(announcer->margins.published);
+  fm_memory_free(&announcer->memory);
   free(announcer);
 }
 
 static bool begin_margins(struct fm_announcer * announcer, void * const * publishers)
 {
   struct margins * margins = &announcer->margins;
+  struct fm_memory * memory = &announcer->memory;
   const size_t n = announcer->n_publishers;
   if (publishers == NULL || n == 0) {
     return true;
   }
-  margins->publishers = malloc(n * sizeof(*publishers));
-  margins->found = malloc(n * sizeof(*margins->found));
-  margins->published = malloc(n * sizeof(*margins->published));
-  if (margins->publishers == NULL || margins->found == NULL || margins->published == NULL) {
+  margins->publishers = fm_reserve(memory, n, sizeof(*publishers));
+  margins->found = fm_reserve(memory, n, sizeof(*margins->found));
+  margins->published = fm_reserve(memory, n, sizeof(*margins->published));
+  if (memory->is_short) {
     return false;
   }
   memcpy(margins->publishers, publishers, n * sizeof(*publishers));
@@ -231,10 +229,11 @@ static bool begin_margins(struct fm_announcer * announcer, void * const * publis
 static bool copy_settings(
   struct fm_announcer * announcer, void * const * publishers, const struct fm_lock * locks)
 {
-  announcer->publishers = calloc(announcer->n_publishers + 1u, sizeof(*publishers));
-  announcer->locks = calloc(announcer->n_locks + 1u, sizeof(*announcer->locks));
-  announcer->states = calloc(announcer->n_publishers + 1u, sizeof(*announcer->states));
-  if (announcer->publishers == NULL || announcer->locks == NULL || announcer->states == NULL) {
+  struct fm_memory * memory = &announcer->memory;
+  announcer->publishers = fm_reserve(memory, announcer->n_publishers, sizeof(*publishers));
+  announcer->locks = fm_reserve(memory, announcer->n_locks, sizeof(*announcer->locks));
+  announcer->states = fm_reserve(memory, announcer->n_publishers, sizeof(*announcer->states));
+  if (memory->is_short) {
     return false;
   }
   memcpy(announcer->publishers, publishers, announcer->n_publishers * sizeof(*publishers));

@@ -29,10 +29,6 @@
 #include "engine.h"
 #include "middleware.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #define FM_MARGIN_PERIOD_MS 50
 
 struct fm_announcer;
@@ -70,9 +66,5 @@ FM_EXPORT uint64_t fm_announcer_turns(const struct fm_announcer * announcer);
 /// free the announcer and set `*announcer` to NULL; does nothing if it is NULL. From any other
 /// thread, but not from two at a time.
 FM_EXPORT void fm_announcer_join(struct fm_announcer ** announcer);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // ANNOUNCER_H_

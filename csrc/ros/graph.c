@@ -20,11 +20,9 @@
 
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "question.h"
-
-#define SECOND_NS INT64_C(1000000000)
+#include "thread.h"
 
 struct watched
 {
@@ -112,13 +110,6 @@ void fm_graph_destroy(struct fm_graph * graph)
 
 // ---- looks -------------------------------------------------------------------------------------
 
-static int64_t time_of(clockid_t clock)
-{
-  struct timespec now;
-  (void)clock_gettime(clock, &now);
-  return (int64_t)now.tv_sec * SECOND_NS + now.tv_nsec;
-}
-
 // Whether `full` is the name of a node in a namespace: "/" or "/robot".
 static bool is_name(const char * full, const char * name_space, const char * name)
 {
@@ -180,7 +171,7 @@ static void observe(
 {
   const struct fm_seen seen = {type, {.i = value}, NULL, 0};
   (void)fm_engine_observe(
-    graph->engine, item->about.topic, &seen, FM_ANY_EVENTS, time_of(CLOCK_REALTIME));
+    graph->engine, item->about.topic, &seen, FM_ANY_EVENTS, fm_read_clock(CLOCK_REALTIME));
 }
 
 // A state is 0 without a node; a parameter stays as it was.
@@ -240,7 +231,7 @@ static int64_t look_for_answers(struct fm_graph * graph, int64_t now)
   int64_t next = INT64_MAX;
   for (uint32_t k = 0; k < graph->n; ++k) {
     const int64_t due = fm_question_look(
-      &graph->watched[k].question, graph->engine, now, time_of(CLOCK_REALTIME));
+      &graph->watched[k].question, graph->engine, now, fm_read_clock(CLOCK_REALTIME));
     next = due < next ? due : next;
   }
   return next;
@@ -275,10 +266,10 @@ int64_t fm_graph_review(
   graph->has_changed = graph->has_changed || has_changed;
   if (now >= graph->earliest && (graph->has_changed || now >= graph->latest)) {
     const int64_t absence = next_absence(graph, now);
-    const int64_t began = time_of(CLOCK_THREAD_CPUTIME_ID);
+    const int64_t began = fm_read_clock(CLOCK_THREAD_CPUTIME_ID);
     graph->has_changed = false;
     look(graph, now, own);
-    graph->earliest = now + pause_after(time_of(CLOCK_THREAD_CPUTIME_ID) - began);
+    graph->earliest = now + pause_after(fm_read_clock(CLOCK_THREAD_CPUTIME_ID) - began);
     graph->latest = absence < now + FM_GRAPH_AGAIN_NS ? absence : now + FM_GRAPH_AGAIN_NS;
   }
   const int64_t next =

@@ -29,7 +29,8 @@ static const void * pointer_at(const void * object, size_t offset)
   return found;
 }
 
-bool fm_in_place_read(void * cdr, void * receiver)
+// Called by Fast DDS to deserialize a message, with what the receiver passed to take_message.
+static bool read_in_place(void * cdr, void * receiver)
 {
   const struct fm_in_place * place = fm_receiver_in_place(receiver);
   const void * buffer = pointer_at(cdr, place->buffer_of_cdr);
@@ -65,7 +66,7 @@ bool fm_in_place_make(const struct fm_type_support * original, struct fm_in_plac
   made->support.func = support_for;
   made->fast = *fast;
   made->callbacks = *fast->data;
-  made->callbacks.cdr_deserialize = fm_in_place_read;
+  made->callbacks.cdr_deserialize = read_in_place;
   made->fast.data = &made->callbacks;
   return true;
 }

@@ -15,19 +15,14 @@
 /// in_place.h: reads messages in the middleware's buffer, without a copy.
 ///
 /// A subscription is made with a type support that differs from the message's own in one function:
-/// instead of deserializing a message, Fast DDS calls fm_in_place_read with the Fast CDR object
-/// that holds the serialized bytes. This relies on private layouts of rmw_fastrtps_cpp and Fast
-/// CDR, so that it is used only with known versions (in_place_versions.c). With others, messages
-/// are copied.
+/// instead of deserializing a message, Fast DDS calls that with the Fast CDR object that holds the
+/// serialized bytes. This relies on private layouts of rmw_fastrtps_cpp and Fast CDR, so that it
+/// is used only with known versions (in_place_versions.c). With others, messages are copied.
 
 #ifndef IN_PLACE_H_
 #define IN_PLACE_H_
 
 #include "middleware.h"
-
-#ifdef __cplusplus
-extern "C" {
-#endif
 
 /// message_type_support_callbacks_t of rosidl_typesupport_fastrtps_cpp.
 struct fm_type_callbacks
@@ -64,13 +59,5 @@ FM_EXPORT bool fm_in_place_find(
 /// Returns false if the message has none for Fast DDS. O(1). One thread at a time for one `made`.
 FM_EXPORT bool fm_in_place_make(
   const struct fm_type_support * original, struct fm_in_place_type * made);
-
-/// Called by Fast DDS to deserialize a message: reads the fields for an fm_receiver, which is what
-/// the receiver passed to take_message. Returns true.
-FM_EXPORT bool fm_in_place_read(void * cdr, void * receiver);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // IN_PLACE_H_

@@ -21,10 +21,6 @@
 
 #include "middleware.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /// Whether it was tried with the versions of rmw_fastrtps_cpp, rosidl_typesupport_fastrtps_c and
 /// fastcdr (of ROS 2 Jazzy) that `maps` names as loaded: the text of /proc/self/maps. The version
 /// of a library is that of its package.xml, or else of its file names; the last part of it does
@@ -37,9 +33,5 @@ FM_EXPORT bool fm_in_place_is_known(const char * maps, char * why, size_t room);
 /// "". One thread at a time for one `found`. As fm_in_place_is_known otherwise.
 FM_EXPORT bool fm_in_place_prepare(
   const char * middleware, struct fm_in_place * found, char * why, size_t room);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // IN_PLACE_VERSIONS_H_

@@ -20,10 +20,10 @@
 
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "serialized.h"
 #include "subscription.h"
+#include "thread.h"
 
 #define SHARE 20            // of time: a look in so many times what the last one took
 #define MOST_BYTES 1024u    // of a name
@@ -129,15 +129,12 @@ static struct known * find(
 
 static struct known * add(struct fm_keyed_topics * watch, uint32_t pattern, const char * name)
 {
-  if (watch->n_known == watch->capacity) {
-    const uint32_t capacity = watch->capacity == 0 ? 16u : 2u * watch->capacity;
-    struct known * known = realloc(watch->known, capacity * sizeof(*known));
-    if (known == NULL) {
-      return NULL;
-    }
-    watch->known = known;
-    watch->capacity = capacity;
+  struct known * known =
+    fm_with_room(watch->known, watch->n_known, &watch->capacity, sizeof(*known));
+  if (known == NULL) {
+    return NULL;
   }
+  watch->known = known;
   char * const copy = strlen(name) < MOST_BYTES ? fm_copy_of(name) : NULL;
   if (copy == NULL) {
     return NULL;
@@ -260,13 +257,6 @@ static void look(struct fm_keyed_topics * watch, struct fm_lines * lines)
   }
 }
 
-static int64_t steady(void)
-{
-  struct timespec now;
-  (void)clock_gettime(CLOCK_MONOTONIC, &now);
-  return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
-}
-
 int64_t fm_keyed_topics_next(const struct fm_keyed_topics * watch)
 {
   int64_t next = watch->has_changed ? watch->earliest : watch->latest;
@@ -286,10 +276,10 @@ void fm_keyed_topics_review(
   if (now < watch->earliest || (!watch->has_changed && now < watch->latest)) {
     return;
   }
-  const int64_t began = steady();
+  const int64_t began = fm_steady_time();
   watch->has_changed = false;
   look(watch, lines);
-  const int64_t rest = SHARE * (steady() - began);
+  const int64_t rest = SHARE * (fm_steady_time() - began);
   watch->earliest = now + (rest > FM_KEYED_PERIOD_NS ? rest : FM_KEYED_PERIOD_NS);
   watch->latest = now + FM_GRAPH_AGAIN_NS;
 }

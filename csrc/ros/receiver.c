@@ -143,8 +143,9 @@ static void count_dropped_locked(struct fm_receiver * receiver)
   receiver->dropped = 0;
 }
 
-static void deliver_locked(struct fm_receiver * receiver)
+static void deliver_locked(void * argument)
 {
+  struct fm_receiver * receiver = argument;
   const struct fm_origin origin = origin_of(receiver);
   (void)fm_engine_receive_locked(receiver->engine, receiver->topic, &receiver->reading, &origin);
 }
@@ -208,11 +209,6 @@ static bool take_for_queue(void * argument, int64_t * received)
   return is_taken;
 }
 
-static void deliver_of_queue_locked(void * argument)
-{
-  deliver_locked(argument);
-}
-
 // ---- life --------------------------------------------------------------------------------------
 
 static void free_receiver(struct fm_receiver * receiver)
@@ -251,7 +247,7 @@ bool fm_receiver_start(
   receiver->reading.fields = receiver->fields;
   receiver->queue.receiver = receiver;
   receiver->queue.take = take_for_queue;
-  receiver->queue.deliver_locked = deliver_of_queue_locked;
+  receiver->queue.deliver_locked = deliver_locked;
   if (receiver->fields == NULL) {
     free_receiver(receiver);
     return false;

@@ -24,10 +24,6 @@
 #include "engine.h"
 #include "middleware.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 struct fm_receiver;
 
 /// How a receiver takes messages.
@@ -66,9 +62,5 @@ FM_EXPORT void fm_receiver_retire(struct fm_receiver * receiver);
 /// middleware could not remove its callback: the receiver, the engine, the middleware and the
 /// subscription must then live as long as the process.
 FM_EXPORT bool fm_receiver_stop(struct fm_receiver ** receiver);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // RECEIVER_H_

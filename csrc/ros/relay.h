@@ -26,10 +26,6 @@
 #include "engine.h"
 #include "middleware.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /// Subscriptions of a relay: one, or more during a handover.
 #define FM_MOST_SOURCES 8
 
@@ -86,9 +82,5 @@ FM_EXPORT void fm_relay_end(struct fm_relay * relay);
 /// subscriptions were removed before. If a callback could not be removed, the memory that it uses
 /// is not freed.
 FM_EXPORT void fm_relay_join(struct fm_relay ** relay);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // RELAY_H_

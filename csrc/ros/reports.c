@@ -142,11 +142,9 @@ bool fm_detail_publisher_turn(struct fm_detail_publisher * details, struct fm_li
   if (has_one) {
     pass_on(details, lines);
   }
+  const bool goes_on = has_one || !is_closed;
   if (details->log != NULL) {
-    fm_violation_log_review(details->log, fm_steady_time(), lines);
+    fm_violation_log_review(details->log, goes_on ? fm_steady_time() : FM_AT_END, lines);
   }
-  if (details->log != NULL && is_closed && !has_one) {
-    fm_violation_log_end(details->log, lines);
-  }
-  return has_one || !is_closed;
+  return goes_on;
 }

@@ -24,15 +24,7 @@
 
 // ---- messages ----------------------------------------------------------------------------------
 
-// rosidl_runtime_c__String.
-struct text
-{
-  char * data;
-  size_t size;
-  size_t capacity;
-};
-
-// rosidl_runtime_c__X__Sequence.
+// rosidl_runtime_c__X__Sequence, and rosidl_runtime_c__String.
 struct sequence
 {
   void * data;
@@ -141,7 +133,7 @@ struct fm_typed_message fm_message_first(
 const char * fm_message_text(
   const struct fm_typed_message * message, const char * outer, const char * name)
 {
-  const struct text * text = fm_message_field(message, outer, name, FM_STRING_FIELD);
+  const struct sequence * text = fm_message_field(message, outer, name, FM_STRING_FIELD);
   return text == NULL || text->data == NULL ? "" : text->data;
 }
 

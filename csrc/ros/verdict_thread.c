@@ -22,6 +22,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "text.h"
 #include "thread.h"
 #include "verdicts.h"
 
@@ -36,6 +37,7 @@ struct fm_verdict_thread
   struct fm_verdict * verdicts;
   struct fm_requirement_state * states;
   uint32_t n;
+  struct fm_memory memory;  // of all arrays
   pthread_t thread;
 };
 
@@ -80,18 +82,16 @@ static void * run(void * argument)
 
 static void free_thread(struct fm_verdict_thread * thread)
 {
-  free(thread->publishers);
-  free(thread->verdicts);
-  free(thread->states);
+  fm_memory_free(&thread->memory);
   free(thread);
 }
 
 static bool copy_publishers(struct fm_verdict_thread * thread, void * const * publishers)
 {
-  thread->publishers = calloc(thread->n + (size_t)1, sizeof(*thread->publishers));
-  thread->verdicts = calloc(thread->n + (size_t)1, sizeof(*thread->verdicts));
-  thread->states = calloc(thread->n + (size_t)1, sizeof(*thread->states));
-  if (thread->publishers == NULL || thread->verdicts == NULL || thread->states == NULL) {
+  thread->publishers = fm_reserve(&thread->memory, thread->n, sizeof(*thread->publishers));
+  thread->verdicts = fm_reserve(&thread->memory, thread->n, sizeof(*thread->verdicts));
+  thread->states = fm_reserve(&thread->memory, thread->n, sizeof(*thread->states));
+  if (thread->memory.is_short) {
     return false;
   }
   memcpy(thread->publishers, publishers, thread->n * sizeof(*publishers));

@@ -21,10 +21,6 @@
 #include "engine.h"
 #include "middleware.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 struct fm_verdict_thread;
 
 /// Start a thread that publishes a std_msgs/msg/Bool for each requirement: its verdict, when it
@@ -41,9 +37,5 @@ FM_EXPORT bool fm_verdict_thread_start(
 /// Wait for the thread, which ends when the engine is closed, free it and set `*thread` to NULL;
 /// does nothing if it is NULL. From any other thread, but not from two at a time.
 FM_EXPORT void fm_verdict_thread_join(struct fm_verdict_thread ** thread);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // VERDICT_THREAD_H_

@@ -22,10 +22,6 @@
 
 #include "kinds.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /// A word that a cell may have in place of a number.
 struct fm_csv_name
 {
@@ -80,9 +76,5 @@ FM_EXPORT uint64_t fm_csv_rows(struct fm_csv * csv, uint64_t most);
 FM_EXPORT uint64_t fm_csv_verdicts(
   const int64_t * labels, bool are_times, const bool * verdicts, uint32_t width, uint64_t n,
   char * text);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // CSV_H_

@@ -33,10 +33,6 @@
 
 #include "engine.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #define FM_NO_VERDICT 2
 #define FM_NO_MARGIN 2147483647  // in place of a comparison: the cell is empty
 
@@ -128,9 +124,5 @@ FM_EXPORT void fm_keyed_rows_of(
 
 /// Free the texts.
 FM_EXPORT void fm_keyed_rows_free(struct fm_keyed_rows * rows);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // KEYED_ROWS_H_

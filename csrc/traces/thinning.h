@@ -21,10 +21,6 @@
 
 #include "records.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /// The values that came in a part of a window. Zero at first.
 struct fm_bucket
 {
@@ -72,9 +68,5 @@ FM_EXPORT void fm_engine_thin(
 FM_EXPORT void fm_thin_column(
   const struct fm_thinning * thinning, uint32_t input, const int64_t * times,
   const double * values, uint64_t n);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif  // THINNING_H_
