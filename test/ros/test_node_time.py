@@ -23,7 +23,7 @@ from bundles import BELOW_HALF, write_bundle
 from fret_monitor import build
 from fret_monitor.ros import GateNode, LoggerNode, MonitorNode
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
-from fret_monitor.ros.intake.node_time import as_time, ClockNode, NodeTime
+from fret_monitor.ros.intake.node_time import ClockNode, NodeTime
 from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.log_lines import Throttle
 from fret_monitor.runtime import Engine, Evaluator
@@ -48,10 +48,6 @@ def test_a_throttle_lets_one_message_pass_per_interval() -> None:
     assert [throttle.passes() for _ in range(3)] == [True, False, False]
     throttle = Throttle(0)
     assert [throttle.passes() for _ in range(3)] == [True, True, True]
-
-
-def test_a_stamp_has_seconds_and_the_nanoseconds_of_the_next_one() -> None:
-    assert as_time(3_999_999_999) == Time(sec=3, nanosec=999_999_999)
 
 
 class Served:

@@ -32,7 +32,7 @@ from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.fields import message_class
 from fret_monitor.ros.intake.hot_path import Middleware
 from fret_monitor.ros.intake.rcl_endpoint import RclClient, RclPublisher
-from fret_monitor.ros.settings.names import done_by, one_type
+from fret_monitor.ros.settings.names import one_type, reached_by
 from fret_monitor.runtime import Engine
 from fret_monitor.runtime.reporting import Lines, LogLine, ReportTable
 
@@ -133,7 +133,7 @@ class Actions:
         """Yield the full names of the topics of locks, then of what the other actions reach."""
         for is_lock in (True, False):
             yield [item.target if item.kind is ActionKind.TRANSITION
-                   else done_by(self._node, item)[1] for item in self._manifest.actions
+                   else reached_by(self._node, item) for item in self._manifest.actions
                    if (item.kind is ActionKind.LOCK) is is_lock]
 
 

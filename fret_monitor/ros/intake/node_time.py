@@ -26,7 +26,6 @@ from contextlib import ExitStack
 from threading import RLock
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.log_lines import Throttle
@@ -132,8 +131,3 @@ class NodeTime:
         if self._serving is not None:
             self._node.destroy_timer(self._serving)
             self._serving = None
-
-
-def as_time(nanoseconds: int) -> Time:
-    """Convert nanoseconds to a ROS time stamp."""
-    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)

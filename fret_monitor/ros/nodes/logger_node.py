@@ -44,7 +44,6 @@ from fret_monitor.ros.settings.declared import Parameters
 from fret_monitor.ros.settings.opened import load_reporting, open_manifests
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, overrides_of
 from fret_monitor.ros.settings.parameters import LOGGER_PARAMETERS, read_settings, Refusal
-from fret_monitor.ros.settings.qos import violation_request
 from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.watch import steady_timer, Watch, WatchedThread
 from fret_monitor.runtime.reporting import (
@@ -141,7 +140,9 @@ class LoggerNode(ClockNode):
             self._intake.prepare(self._library)
             parameters.show_constants(manifests)  # they are read-only, so they stay as they are
         self._overrides = overrides_of(self, self._library)
-        self._fixed = violation_request(self._settings.handler_depth)
+        self._fixed: dict[str, str | int] = {
+            'reliability': 'reliable', 'durability': 'volatile',
+            'depth': self._settings.handler_depth}
         self._feed.subscribe(
             self._library, DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
             RawTopic(self._intake, self._keep_details), self._request(DETAILS_TOPIC))

@@ -103,10 +103,10 @@ def _resolved(node: Node, use: Use) -> Use:
     return use._replace(name=name, ends=(ends[0], ends[1]) if ends else None)
 
 
-def done_by(node: Node, action: ManifestAction) -> tuple[str, str]:
-    """Return what an action does with which topic or service, by its full name."""
+def reached_by(node: Node, action: ManifestAction) -> str:
+    """Return the full name of the topic or service of an action."""
     verb, name = what_is_done(action)
-    return verb, _full(node, name, is_service=verb == 'call')
+    return _full(node, name, is_service=verb == 'call')
 
 
 @contextmanager

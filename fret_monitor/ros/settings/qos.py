@@ -30,11 +30,6 @@ LAST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
 """What publishers of margins and verdicts offer: a late listener receives the last one."""
 
 
-def violation_request(depth: int) -> dict[str, str | int]:
-    """Return what the logger requests for violations, as `fixed` of `Feed.subscribe`."""
-    return {'reliability': 'reliable', 'durability': 'volatile', 'depth': depth}
-
-
 def profile_of(request: Request) -> QoSProfile:
     return QoSProfile(
         depth=request.depth,
