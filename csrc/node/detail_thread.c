@@ -45,12 +45,6 @@ static void * run(void * argument)
   return NULL;
 }
 
-static void free_thread(struct fm_detail_thread * thread)
-{
-  fm_detail_publisher_destroy(thread->details);
-  free(thread);
-}
-
 struct fm_detail_thread * fm_detail_thread_start(
   const struct fm_node * node, const struct fm_reporter * reporter,
   const rcl_publisher_t * publisher, bool logs_violations)
@@ -63,7 +57,8 @@ struct fm_detail_thread * fm_detail_thread_start(
   thread->details = fm_detail_publisher_create(
     reporter, fm_node_middleware(), rcl_publisher_get_rmw_handle(publisher), logs_violations);
   if (thread->details == NULL || !fm_start_thread(&thread->thread, run, thread)) {
-    free_thread(thread);
+    fm_detail_publisher_destroy(thread->details);
+    free(thread);
     return NULL;
   }
   return thread;
@@ -78,6 +73,7 @@ void fm_detail_thread_join(struct fm_detail_thread * thread)
 {
   if (thread != NULL) {
     pthread_join(thread->thread, NULL);
-    free_thread(thread);
+    fm_detail_publisher_destroy(thread->details);
+    free(thread);
   }
 }

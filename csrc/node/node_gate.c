@@ -39,18 +39,7 @@ static bool refuse_without_memory(const struct fm_node * node)
 #define REQUEST_RECEIVED 1u         // service_msgs/msg/ServiceEventInfo
 #define LOGGED_NS (10 * FM_SECOND)  // between two lines about requests that no server answers
 
-static const rosidl_service_type_support_t * support_of(const struct fm_service_gate * gate)
-{
-  return gate->table->gate->service();
-}
-
 // ---- answers -----------------------------------------------------------------------------------
-
-static void respond(
-  const struct fm_service_gate * gate, rmw_request_id_t * id, const struct fm_typed_message * what)
-{
-  fm_respond(gate->node, &gate->service, id, what->memory);
-}
 
 static void refuse_unanswered(struct fm_service_gate * gate, rmw_request_id_t * id)
 {
@@ -59,7 +48,7 @@ static void refuse_unanswered(struct fm_service_gate * gate, rmw_request_id_t * 
     fm_log(gate->node, FM_ERROR, FM_WORDS_UNANSWERED, gate->table->report.gate->name,
       rcl_client_get_service_name(&gate->client));
   }
-  respond(gate, id, &gate->refusal);
+  fm_respond(gate->node, &gate->service, id, gate->refusal.memory);
 }
 
 // Refuse the requests whose time has ended at `now`.
@@ -96,7 +85,7 @@ static void log_refused(struct fm_service_gate * gate, const char * what)
 // The event of a request, serialized; the caller ends `bytes`.
 static bool serialize_event(struct fm_service_gate * gate, rmw_serialized_message_t * bytes)
 {
-  const rosidl_service_type_support_t * support = support_of(gate);
+  const rosidl_service_type_support_t * support = gate->table->gate->service();
   const int64_t now = fm_clock_now(gate->clock);
   const rosidl_service_introspection_info_t info = {
     .event_type = REQUEST_RECEIVED, .stamp_sec = (int32_t)(now / FM_SECOND),
@@ -156,7 +145,7 @@ static void serve_request(struct fm_service_gate * gate, rmw_request_id_t * id)
   if (!has_server(gate)) {  // not judged: a request that passes is a step
     refuse_unanswered(gate, id);
   } else if (!passes(gate)) {
-    respond(gate, id, &gate->refusal);
+    fm_respond(gate->node, &gate->service, id, gate->refusal.memory);
   } else if (!forward(gate, id)) {
     refuse_unanswered(gate, id);
   }
@@ -167,7 +156,7 @@ static void pass_on(struct fm_service_gate * gate, int64_t sequence)
 {
   for (size_t k = 0; k < gate->n_pending; ++k) {
     if (gate->pending[k].sequence == sequence) {
-      respond(gate, &gate->pending[k].id, &gate->answer);
+      fm_respond(gate->node, &gate->service, &gate->pending[k].id, gate->answer.memory);
       gate->pending[k] = gate->pending[--gate->n_pending];
       return;
     }
@@ -191,8 +180,8 @@ void fm_service_gate_serve(struct fm_service_gate * gate)
 
 static bool make_messages(struct fm_service_gate * gate)
 {
-  const struct fm_service_support * support = (const void *)support_of(gate);
   const struct fm_node_gate_table * about = gate->table->gate;
+  const struct fm_service_support * support = (const void *)about->service();
   return fm_message_make(&gate->request, support->request_typesupport) &&
          fm_message_make(&gate->answer, support->response_typesupport) &&
          fm_message_make(&gate->refusal, support->response_typesupport) &&
@@ -211,8 +200,9 @@ static bool open_service(
   }
   struct fm_service_client unused;
   return fm_client_open(
-    node, &gate->client, support_of(gate), table->gate->to, &unused) && fm_service_open(
-    node, &gate->service, support_of(gate), table->gate->name, &rmw_qos_profile_services_default);
+    node, &gate->client, table->gate->service(), table->gate->to, &unused) && fm_service_open(
+    node, &gate->service, table->gate->service(), table->gate->name,
+    &rmw_qos_profile_services_default);
 }
 
 bool fm_service_gate_wait(const struct fm_service_gate * gate, rcl_wait_set_t * wait_set)
@@ -252,8 +242,6 @@ static void close_service(struct fm_service_gate * gate)
 }
 
 // ---- a gate on a topic -------------------------------------------------------------------------
-
-// ---- the engine --------------------------------------------------------------------------------
 
 static struct fm_gate_options options_of(
   const struct fm_node_table * table, struct fm_evaluator * evaluator)
@@ -412,7 +400,7 @@ bool fm_node_gate_take(
   if (is_durable) {
     follow(gate, true);
   }
-  if (!*is_taken && !fm_gate_target_is_changing(gate->state)) {
+  if (!*is_taken && gate->next.impl == NULL) {
     *is_taken = fm_relay_add(gate->relay, rcl_subscription_get_rmw_handle(subscription));
     return *is_taken;
   }

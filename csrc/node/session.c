@@ -60,16 +60,6 @@ static bool refuse_merged(const struct fm_session * session)
   return is_good;
 }
 
-static bool is_wanted(const struct fm_session * session, const char * parameter)
-{
-  return fm_parameter_is_true(session->parameters, parameter);
-}
-
-static uint32_t handler_depth(const struct fm_session * session)
-{
-  return (uint32_t)fm_parameter_whole(session->parameters, "handler_depth");
-}
-
 static const char * topic_of(const struct fm_report_table * table, uint32_t requirement, int what)
 {
   const struct fm_report_requirement * about = &table->requirements[requirement];
@@ -86,7 +76,7 @@ static bool advertise_each(
   rcl_publisher_t * publishers =
     fm_reserve(&session->configured, table->n_requirements, sizeof(*publishers));
   rmw_qos_profile_t profile = rmw_qos_profile_default;  // reliable, volatile
-  profile.depth = handler_depth(session);
+  profile.depth = (size_t)fm_parameter_whole(session->parameters, "handler_depth");
   if (what != FM_HANDLERS) {
     profile.depth = 1;
     profile.durability = RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL;
@@ -119,14 +109,16 @@ static bool advertise_margins(struct fm_session * session)
 
 static bool advertise_all(struct fm_session * session)
 {
+  const struct fm_parameters * given = session->parameters;
   return advertise_each(
     session, FM_HANDLERS, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty)) && fm_advertise(
     session->node, &session->details,
     ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray), FM_DETAILS_TOPIC,
-    handler_depth(session)) && (!is_wanted(session, "verdicts") || advertise_each(
-    session, FM_VERDICTS, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool))) &&
+    (uint32_t)fm_parameter_whole(given, "handler_depth")) &&
+         (!fm_parameter_is_true(given, "verdicts") || advertise_each(
+           session, FM_VERDICTS, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool))) &&
          fm_node_actions_begin(&session->actions, session->node, session->table) &&
-         (!is_wanted(session, "margins") || advertise_margins(session));
+         (!fm_parameter_is_true(given, "margins") || advertise_margins(session));
 }
 
 // Resolve the names of the gate.
@@ -336,7 +328,7 @@ static bool start_threads(struct fm_session * session)
 {
   session->detail_thread = fm_detail_thread_start(
     session->node, &session->reporter, &session->details,
-    is_wanted(session, "log_violations"));
+    fm_parameter_is_true(session->parameters, "log_violations"));
   if ((session->table->report.n_actions > 0 &&
     !fm_actions_prepare(session->engine, &session->table->report)) ||
     !fm_node_blackbox_start(&session->blackbox, session->engine) ||

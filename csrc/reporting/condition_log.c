@@ -56,19 +56,17 @@ static bool add_missing(
 {
   const size_t before = why->length;
   struct fm_text names = {NULL, 0, 0};
-  for (uint32_t i = 0; i < reporter->monitor->n_inputs; ++i) {
-    if (is_chosen[i] && (flags_of_input(reporter, conditions, i) & FM_HAS_VALUE) == 0) {
-      fm_text_list(&names, ", ", reporter->table->inputs[i].name);
+  for (int silent = 0; silent <= (with_silent ? 1 : 0); ++silent) {
+    for (uint32_t i = 0; i < reporter->monitor->n_inputs; ++i) {
+      const unsigned flags = flags_of_input(reporter, conditions, i);
+      if (is_chosen[i] && (silent != 0 ? flags == (FM_HAS_VALUE | FM_IS_SILENT) :
+        (flags & FM_HAS_VALUE) == 0))
+      {
+        fm_text_list(&names, ", ", reporter->table->inputs[i].name);
+      }
     }
+    add_reason(why, silent != 0 ? "no message for " : "no value yet of ", &names);
   }
-  add_reason(why, "no value yet of ", &names);
-  for (uint32_t i = 0; with_silent && i < reporter->monitor->n_inputs; ++i) {
-    const unsigned flags = flags_of_input(reporter, conditions, i);
-    if (is_chosen[i] && flags == (FM_HAS_VALUE | FM_IS_SILENT)) {
-      fm_text_list(&names, ", ", reporter->table->inputs[i].name);
-    }
-  }
-  add_reason(why, "no message for ", &names);
   fm_text_free(&names);
   return why->length > before;
 }

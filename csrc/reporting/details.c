@@ -76,15 +76,10 @@ static const char * const OF_MARGIN[N_OF_MARGIN] = {
 static const char INPUT[] = "input ";
 static const char CONSTANT[] = "constant ";
 
-static const uint8_t * values_of(const struct fm_detail * detail)
-{
-  return (const uint8_t *)detail + sizeof(*detail);
-}
-
 static uint8_t flags_of(
   const struct fm_monitor * monitor, const struct fm_detail * detail, uint32_t input)
 {
-  return values_of(detail)[monitor->inputs_bytes + input];
+  return ((const uint8_t *)(detail + 1))[monitor->inputs_bytes + input];
 }
 
 // A detail, with whose values it has, and their names.
@@ -130,17 +125,13 @@ static bool is_unsigned(enum fm_type type)
   return type == FM_UINT8 || type == FM_UINT16 || type == FM_UINT32 || type == FM_UINT64;
 }
 
-static bool are_equal(union fm_value one, union fm_value other, enum fm_type type)
-{
-  return is_float(type) ? one.f == other.f : one.u == other.u;
-}
-
 static void add_value(
   struct fm_text * text, const struct fm_report_input * input, union fm_value value,
   enum fm_type type)
 {
   for (uint32_t k = 0; k < input->n_values; ++k) {
-    if (are_equal(value, input->values[k].value, type)) {
+    const union fm_value * named = &input->values[k].value;
+    if (is_float(type) ? value.f == named->f : value.u == named->u) {
       fm_text_add(text, "%s", input->values[k].name);
       return;
     }
@@ -165,7 +156,8 @@ static void add_input(struct fm_text * text, const struct described * item, uint
   }
   add_value(
     text, &item->inputs[input],
-    fm_instance_value((enum fm_type)stored->type, values_of(item->detail) + stored->offset),
+    fm_instance_value(
+      (enum fm_type)stored->type, (const uint8_t *)(item->detail + 1) + stored->offset),
     (enum fm_type)stored->type);
 }
 

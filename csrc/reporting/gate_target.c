@@ -117,8 +117,6 @@ bool fm_gate_target_review(
   return true;
 }
 
-bool fm_gate_target_is_changing(const struct fm_gate_target * state) {return state->has_next;}
-
 // ---- others ------------------------------------------------------------------------------------
 
 static bool is_made_here(const struct fm_gate_target * state, const struct fm_offer * offer)

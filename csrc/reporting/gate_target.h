@@ -64,9 +64,6 @@ FM_EXPORT void fm_gate_target_fail(struct fm_gate_target * state);
 FM_EXPORT bool fm_gate_target_review(
   struct fm_gate_target * state, uint64_t matched, uint64_t next_matched, int64_t now);
 
-/// Whether a new publisher is not used yet.
-FM_EXPORT bool fm_gate_target_is_changing(const struct fm_gate_target * state);
-
 /// Note the publishers on the target, the node's own among them. O(publishers^2).
 FM_EXPORT void fm_gate_target_look(
   struct fm_gate_target * state, const struct fm_offer * offers, uint32_t n);

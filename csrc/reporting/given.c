@@ -37,12 +37,3 @@ void fm_text_refuse(
   add_value(text, given);
   fm_text_add(text, ", and has to be %s", wanted);
 }
-
-void fm_refuse_value(
-  struct fm_lines * lines, const struct fm_given * given, const char * wanted)
-{
-  struct fm_text text = {NULL, 0, 0};
-  fm_text_refuse(&text, given, wanted);
-  fm_lines_add(lines, FM_ERROR, "%s", fm_text_get(&text));
-  fm_text_free(&text);
-}

@@ -19,7 +19,7 @@
 #ifndef GIVEN_H_
 #define GIVEN_H_
 
-#include "lines.h"
+#include "text.h"
 
 /// Types as those of rcl_interfaces/msg/ParameterType; all lists are one.
 enum fm_parameter_type
@@ -47,9 +47,5 @@ struct fm_given
 /// with the value as YAML writes it.
 void fm_text_refuse(
   struct fm_text * text, const struct fm_given * given, const char * wanted);
-
-/// Add it as a line of the log.
-FM_EXPORT void fm_refuse_value(
-  struct fm_lines * lines, const struct fm_given * given, const char * wanted);
 
 #endif  // GIVEN_H_

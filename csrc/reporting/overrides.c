@@ -150,7 +150,10 @@ static void check(
     fm_lines_add(lines, FM_ERROR,
       "parameter '%s' is none: there are reliability, durability, history, depth", given->name);
   } else if (!apply(&unused, policy, given)) {
-    fm_refuse_value(lines, given, POLICIES[policy].wanted);
+    struct fm_text text = {NULL, 0, 0};
+    fm_text_refuse(&text, given, POLICIES[policy].wanted);
+    fm_lines_add(lines, FM_ERROR, "%s", fm_text_get(&text));
+    fm_text_free(&text);
   }
 }
 

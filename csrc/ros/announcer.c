@@ -199,12 +199,6 @@ static void * run(void * argument)
   return NULL;
 }
 
-static void free_announcer(struct fm_announcer * announcer)
-{
-  fm_memory_free(&announcer->memory);
-  free(announcer);
-}
-
 static bool begin_margins(struct fm_announcer * announcer, void * const * publishers)
 {
   struct margins * margins = &announcer->margins;
@@ -263,7 +257,8 @@ bool fm_announcer_start(
   if (!copy_settings(announcer, publishers, locks) || !begin_margins(announcer, margins) ||
     !fm_start_thread(&announcer->thread, run, announcer))
   {
-    free_announcer(announcer);
+    fm_memory_free(&announcer->memory);
+    free(announcer);
     return false;
   }
   *started = announcer;
@@ -279,7 +274,8 @@ void fm_announcer_join(struct fm_announcer ** announcer)
 {
   if (*announcer != NULL) {
     pthread_join((*announcer)->thread, NULL);
-    free_announcer(*announcer);
+    fm_memory_free(&(*announcer)->memory);
+    free(*announcer);
     *announcer = NULL;
   }
 }

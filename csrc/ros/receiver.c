@@ -61,11 +61,6 @@ uint32_t fm_receiver_taking(const char * middleware)
 
 // ---- reading -----------------------------------------------------------------------------------
 
-static const struct fm_reader * reader_of(const struct fm_receiver * receiver)
-{
-  return fm_engine_reader(receiver->engine, receiver->topic);
-}
-
 static void copy_message(struct fm_serialized * copy, const uint8_t * message, size_t size)
 {
   copy->length = 0;
@@ -243,7 +238,8 @@ bool fm_receiver_start(
     copy_key(receiver, key);
   }
   receiver->message.allocator = fm_malloc_allocator();
-  receiver->fields = calloc(reader_of(receiver)->n_inputs + 1u, sizeof(*receiver->fields));
+  receiver->fields =
+    calloc(fm_engine_reader(engine, topic)->n_inputs + 1u, sizeof(*receiver->fields));
   receiver->reading.fields = receiver->fields;
   receiver->queue.receiver = receiver;
   receiver->queue.take = take_for_queue;

@@ -399,14 +399,6 @@ static struct source * find_locked(struct fm_relay * relay, const void * subscri
   return NULL;
 }
 
-static struct source * find(struct fm_relay * relay, const void * subscription)
-{
-  pthread_mutex_lock(&relay->mutex);
-  struct source * source = find_locked(relay, subscription);
-  pthread_mutex_unlock(&relay->mutex);
-  return source;
-}
-
 void fm_relay_retire(struct fm_relay * relay, const void * subscription)
 {
   pthread_mutex_lock(&relay->mutex);
@@ -420,7 +412,9 @@ void fm_relay_retire(struct fm_relay * relay, const void * subscription)
 bool fm_relay_remove(struct fm_relay * relay, const void * subscription)
 {
   const struct fm_middleware * middleware = relay->options.middleware;
-  struct source * source = find(relay, subscription);
+  pthread_mutex_lock(&relay->mutex);
+  struct source * source = find_locked(relay, subscription);
+  pthread_mutex_unlock(&relay->mutex);
   if (source == NULL) {
     return true;
   }

@@ -80,12 +80,6 @@ static void * run(void * argument)
   return NULL;
 }
 
-static void free_thread(struct fm_verdict_thread * thread)
-{
-  fm_memory_free(&thread->memory);
-  free(thread);
-}
-
 static bool copy_publishers(struct fm_verdict_thread * thread, void * const * publishers)
 {
   thread->publishers = fm_reserve(&thread->memory, thread->n, sizeof(*thread->publishers));
@@ -109,7 +103,8 @@ bool fm_verdict_thread_start(
   *thread = (struct fm_verdict_thread) {.engine = engine, .middleware = middleware, .n = n};
   fm_engine_follow_states(engine);
   if (!copy_publishers(thread, publishers) || !fm_start_thread(&thread->thread, run, thread)) {
-    free_thread(thread);
+    fm_memory_free(&thread->memory);
+    free(thread);
     return false;
   }
   *started = thread;
@@ -120,7 +115,8 @@ void fm_verdict_thread_join(struct fm_verdict_thread ** thread)
 {
   if (*thread != NULL) {
     pthread_join((*thread)->thread, NULL);
-    free_thread(*thread);
+    fm_memory_free(&(*thread)->memory);
+    free(*thread);
     *thread = NULL;
   }
 }

@@ -69,11 +69,6 @@ class GateTarget:
         return bool(self._library.fm_gate_target_review(
             self._pointer, matched, next_matched, monotonic_ns() if now is None else now))
 
-    @property
-    def is_changing(self) -> bool:
-        """Whether a new publisher is not used yet."""
-        return bool(self._library.fm_gate_target_is_changing(self._pointer))
-
     def look(self, offers: Sequence[Offer]) -> None:
         """Note the publishers on the target, the node's own among them."""
         found, _kept = c_offers(offers)

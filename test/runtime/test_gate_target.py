@@ -46,11 +46,11 @@ def test_the_publisher_follows_the_durability_of_the_source(target: GateTarget) 
     assert members(target.first) == (False, True, False, 100)
     assert members(target.follow(is_durable=False, now=0)) == (False, False, False, 100)
     assert members(target.follow(is_durable=True, now=0)) == (False, True, True, 10)
-    assert [target.is_changing, target.is_settled] == [True, False]
+    assert [target.is_settled] == [False]
     assert members(target.follow(is_durable=True, now=1)) == (False, False, True, 10)
     assert not target.review(2, 1, SECOND // 2 - 1)
     assert target.review(2, 2, SECOND // 2 - 1)  # it has matched as many
-    assert [target.is_changing, target.is_settled] == [False, True]
+    assert target.is_settled
     assert not target.review(2, 2, SECOND)
     assert members(target.follow(is_durable=False, now=SECOND)) == (False, True, False, 100)
     assert not target.review(2, 1, SECOND + SECOND // 2 - 1)
@@ -62,10 +62,10 @@ def test_a_publisher_that_is_not_used_yet_is_dropped_when_it_is_not_wanted_any_m
         target: GateTarget) -> None:
     assert target.follow(is_durable=True, now=0).advertises
     assert members(target.follow(is_durable=False, now=1)) == (True, False, False, 100)
-    assert not target.is_changing
+    assert target.is_settled
     assert target.follow(is_durable=True, now=2).advertises
     target.fail()
-    assert not target.is_changing and not target.review(0, 0, SECOND)
+    assert target.is_settled and not target.review(0, 0, SECOND)
     assert target.follow(is_durable=True, now=3).advertises
 
 

@@ -273,7 +273,8 @@ class BundleSession:
         if self._verdicts:
             verdicts = VerdictThread(engine, middleware, self._verdicts)
             self._running.callback(verdicts.close)
-        self._running.callback(self._stop_actions)
+        self._running.callback(
+            lambda: log_lines(self._node.get_logger(), self._actions.stop()))
         self._actions.start(engine, middleware)
         self.reporter = Reporter(
             engine, self._table, self._node.get_fully_qualified_name(),
@@ -319,9 +320,6 @@ class BundleSession:
         if found_topics(self.manifest):
             feed.watch(KeyedTopics(self._node, engine, middleware, feed, partial(
                 self._subscribe, feed, in_place=middleware, is_found=True)))
-
-    def _stop_actions(self) -> None:
-        log_lines(self._node.get_logger(), self._actions.stop())
 
     def _stop_blackbox(self, blackbox: 'BlackBox') -> None:
         blackbox.end()

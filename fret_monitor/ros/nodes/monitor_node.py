@@ -86,7 +86,7 @@ class MonitorNode(ClockNode, LifecycleNode):
             undo.pop_all()
 
     def _begin(self) -> None:
-        self._declared = Parameters(self, self.PARAMETERS, self._is_configured)
+        self._declared = Parameters(self, self.PARAMETERS, lambda: bool(self._sessions))
         self._duplicate_nodes = DuplicateNodes(self, self._watch)
         self.create_service(Trigger, '~/reset', self._reset)
         for service in self.services:
@@ -259,9 +259,6 @@ class MonitorNode(ClockNode, LifecycleNode):
         while self._sessions:
             self._sessions[-1].close()  # before pop: if interrupted, it can be repeated
             self._sessions.pop()
-
-    def _is_configured(self) -> bool:
-        return bool(self._sessions)
 
     def destroy_node(self) -> None:
         self._release()

@@ -155,7 +155,7 @@ class Pairing:
             elif waiting.sent < stream.violations[0].sent - _TOGETHER_NS:
                 stream.details.popleft()  # its violation was lost
                 stream.passed = 0
-            elif _is_sent_before(stream.violations[0], waiting.detail):
+            elif stream.violations[0].sent < waiting.detail.stamp:  # it is of an earlier step
                 stream.violations.popleft()  # its detail was lost, or suppressed
                 if waiting.without is not None and stream.passed < waiting.without:
                     stream.passed += 1
@@ -176,8 +176,3 @@ class Pairing:
         # A violation is sent about when its detail is.
         if abs(violation.sent - waiting.sent) <= _TOGETHER_NS:
             violation.detail = waiting.detail
-
-
-def _is_sent_before(violation: ReceivedViolation, detail: ReceivedDetail) -> bool:
-    """Whether a violation was sent before the step of a detail, and so is of an earlier step."""
-    return violation.sent < detail.stamp
