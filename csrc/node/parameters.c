@@ -513,7 +513,7 @@ static void refuse_constant(
   struct fm_text hint = {NULL, 0, 0};
   struct fm_text all = {NULL, 0, 0};
   for (uint32_t k = 0; k < n; ++k) {
-    fm_text_list(&all, ", ", names[k]);
+    fm_text_join(&all, ", ", "%s", names[k]);
   }
   if (n == 0) {
     fm_text_add(&hint, FM_WORDS_NO_CONSTANTS);
@@ -603,7 +603,7 @@ static void warn_of_unknown(const struct fm_parameters * parameters, const char 
   struct fm_text hint = {NULL, 0, 0};
   for (uint32_t k = 0; k < N_DESCRIBED - N_OF_RCL; ++k) {
     names[k] = described[k].name;
-    fm_text_list(&all, ", ", names[k]);
+    fm_text_join(&all, ", ", "%s", names[k]);
   }
   if (!fm_text_add_hint(&hint, name, names, N_DESCRIBED - N_OF_RCL)) {
     fm_text_add(&hint, FM_WORDS_ALL_PARAMETERS, fm_text_get(&all));

@@ -62,7 +62,7 @@ static bool add_missing(
       if (is_chosen[i] && (silent != 0 ? flags == (FM_HAS_VALUE | FM_IS_SILENT) :
         (flags & FM_HAS_VALUE) == 0))
       {
-        fm_text_list(&names, ", ", reporter->table->inputs[i].name);
+        fm_text_join(&names, ", ", "%s", reporter->table->inputs[i].name);
       }
     }
     add_reason(why, silent != 0 ? "no message for " : "no value yet of ", &names);
@@ -111,9 +111,9 @@ static void add_why_locked(
       is_read[group_of(reporter, r)->inputs[i]] = true;
     }
     if (state == FM_VIOLATED) {
-      fm_text_list(&violated, ", ", reporter->table->requirements[r].id);
+      fm_text_join(&violated, ", ", "%s", reporter->table->requirements[r].id);
     } else if (!is_explained(reporter, conditions, r)) {
-      fm_text_list(&unexplained, ", ", reporter->table->requirements[r].id);
+      fm_text_join(&unexplained, ", ", "%s", reporter->table->requirements[r].id);
     }
   }
   add_reason(why, "violated: ", &violated);
@@ -133,7 +133,7 @@ static void add_requirements(
   struct fm_text names = {NULL, 0, 0};
   for (uint32_t r = 0; r < reporter->monitor->n_requirements; ++r) {
     if ((flags_of_requirement(conditions, r) & flag) != 0) {
-      fm_text_list(&names, ", ", reporter->table->requirements[r].id);
+      fm_text_join(&names, ", ", "%s", reporter->table->requirements[r].id);
     }
   }
   add_reason(why, what, &names);

@@ -167,7 +167,7 @@ static void add_silent(struct fm_text * text, const struct described * item)
   for (uint32_t k = 0; k < item->requirement->n_inputs; ++k) {
     const uint32_t input = item->requirement->inputs[k];
     if ((flags_of(item->scope.monitor, item->detail, input) & IS_STALE) != 0) {
-      fm_text_list(text, ", ", item->inputs[input].name);
+      fm_text_join(text, ", ", "%s", item->inputs[input].name);
     }
   }
 }

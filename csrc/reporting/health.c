@@ -67,7 +67,7 @@ static void list_silent(
     const struct fm_report_input * input = &review->table->inputs[requirement->inputs[k]];
     const struct fm_silence * silence = &review->now.inputs[requirement->inputs[k]].silence;
     if (input->is_timed_out && silence->is_silent && (input->violates || !that_violate)) {
-      fm_text_list(names, ", ", input->name);
+      fm_text_join(names, ", ", "%s", input->name);
     }
   }
 }
@@ -229,10 +229,10 @@ static void add_fields(
   struct fm_fed fed;
   for (uint32_t k = 0; fm_find_fed(review, topic, k, &fed); ++k) {
     if (fed.new_unusable > 0) {
-      fm_text_list(&unusable, ", ", fed.about->name);
+      fm_text_join(&unusable, ", ", "%s", fed.about->name);
     }
     if (fed.kind == FM_BUNDLE && review->inputs[fed.input].is_absent_logged) {
-      fm_text_list(&absent, ", ", fed.about->name);
+      fm_text_join(&absent, ", ", "%s", fed.about->name);
     }
   }
   add_listed(troubles, WARN, "fields cannot be used: ", &unusable);

@@ -150,7 +150,7 @@ static void describe_gate(struct fm_lines * lines, const struct fm_watched * wat
   struct fm_text ids = {NULL, 0, 0};
   struct fm_text rest = {NULL, 0, 0};
   for (uint32_t k = 0; k < table->n_requirements; ++k) {
-    fm_text_list(&ids, ", ", table->requirements[k].id);
+    fm_text_join(&ids, ", ", "%s", table->requirements[k].id);
   }
   add_otherwise(&rest, table->gate);
   add_latch(&rest, table->gate);

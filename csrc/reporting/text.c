@@ -90,11 +90,6 @@ void fm_text_join(struct fm_text * text, const char * separator, const char * fo
   va_end(arguments);
 }
 
-void fm_text_list(struct fm_text * text, const char * separator, const char * word)
-{
-  fm_text_add(text, "%s%s", text->length == 0 ? "" : separator, word);
-}
-
 static int compare_words(const void * one, const void * other)
 {
   return strcmp(*(const char * const *)one, *(const char * const *)other);
@@ -106,7 +101,7 @@ void fm_text_sort(struct fm_text * text, const char ** words, uint32_t n)
   qsort(words, n, sizeof(*words), compare_words);
   for (uint32_t k = 0; k < n; ++k) {
     if (k == 0 || strcmp(words[k], words[k - 1u]) != 0) {
-      fm_text_list(text, ", ", words[k]);
+      fm_text_join(text, ", ", "%s", words[k]);
     }
   }
 }
@@ -160,7 +155,7 @@ void fm_names_add(struct fm_names * names, const char * separator, const char * 
 {
   names->n += 1u;
   if (names->n <= MOST_NAMED) {
-    fm_text_list(&names->text, separator, name);
+    fm_text_join(&names->text, separator, "%s", name);
   }
 }
 

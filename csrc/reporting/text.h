@@ -52,10 +52,9 @@ void fm_text_free(struct fm_text * text);
 void fm_text_add(struct fm_text * text, const char * format, ...) FM_PRINTF(2, 3);
 void fm_text_add_arguments(struct fm_text * text, const char * format, va_list arguments);
 
-/// Add a text in the format of printf, or a word, after `separator` unless the text is empty.
+/// Add a text in the format of printf, after `separator` unless the text is empty.
 void fm_text_join(struct fm_text * text, const char * separator, const char * format, ...)
 FM_PRINTF(3, 4);
-void fm_text_list(struct fm_text * text, const char * separator, const char * word);
 
 /// Replace the text by `n` words, sorted, each once, with commas; sorts `words`. O(n log n).
 void fm_text_sort(struct fm_text * text, const char ** words, uint32_t n);

@@ -33,7 +33,6 @@ from fret_monitor.model.frozen import frozen
 from fret_monitor.model.policies import Policy
 from fret_monitor.native import words
 
-DEFAULT_HANDLER_DEPTH = 1000
 CONSTANTS = 'constants.'
 
 
@@ -113,7 +112,7 @@ LOGGER_PARAMETERS = {
                         read_only=True),
     'rate': Described(0.0, "as the monitor's, instead of a period", read_only=True),
     'handler_depth': Described(
-        DEFAULT_HANDLER_DEPTH, 'violations of one handler that may wait in this node',
+        OF_BOTH['handler_depth'].default, 'violations of one handler that may wait in this node',
         read_only=True),
     'log_level': OF_BOTH['log_level'],
 }
@@ -186,7 +185,7 @@ class Settings:
     policy: Policy | None = None
     period: Fraction | None = None
     hot_path: str = 'auto'
-    handler_depth: int = DEFAULT_HANDLER_DEPTH
+    handler_depth: int = OF_BOTH['handler_depth'].default
     log_violations: bool = True
     publishes_verdicts: bool = False
     metrics: MetricsAddress | None = None
