@@ -140,28 +140,36 @@ static void free_parameter(struct fm_parameter * parameter)
   rcl_interfaces__msg__ParameterValue__fini(&parameter->value);
 }
 
-// Add a parameter, or replace its value. What does not fit in memory is left out.
+// Add a parameter, or replace its value. If memory is short, `memory` says so.
 static void put(
-  struct fm_parameter ** items, size_t * n, const char * name, const char * description,
-  enum fm_settable settable, const fm_parameter_value * value)
+  struct fm_memory * memory, struct fm_parameter ** items, size_t * n, const char * name,
+  const char * description, enum fm_settable settable, const fm_parameter_value * value)
 {
   struct fm_parameter * item = find(*items, *n, name);
   if (item != NULL) {
-    (void)rcl_interfaces__msg__ParameterValue__copy(value, &item->value);
+    memory->is_short |= !rcl_interfaces__msg__ParameterValue__copy(value, &item->value);
     return;
   }
-  item = realloc(*items, (*n + 1u) * sizeof(**items));
-  if (item == NULL) {
-    return;
-  }
-  *items = item;
   struct fm_parameter new_item = {
     .name = fm_copy_of(name), .description = fm_copy_of(description), .settable = settable};
-  if (new_item.name != NULL && new_item.description != NULL &&
+  item = realloc(*items, (*n + 1u) * sizeof(**items));
+  *items = item != NULL ? item : *items;
+  if (item != NULL && new_item.name != NULL && new_item.description != NULL &&
     rcl_interfaces__msg__ParameterValue__copy(value, &new_item.value))
   {
-    (*items)[(*n)++] = new_item;
+    item[(*n)++] = new_item;
+  } else {
+    memory->is_short = true;
+    free_parameter(&new_item);
   }
+}
+
+static void put_declared(
+  struct fm_parameters * parameters, const char * name, const char * description,
+  enum fm_settable settable, const fm_parameter_value * value)
+{
+  put(&parameters->memory, &parameters->declared, &parameters->n_declared, name, description,
+    settable, value);
 }
 
 static void read_given(struct fm_parameters * parameters)
@@ -175,8 +183,8 @@ static void read_given(struct fm_parameters * parameters)
     const size_t n = is_addressed(found->node_names[node], own) ? of_node->num_params : 0u;
     for (size_t k = 0; k < n; ++k) {
       const fm_parameter_value value = value_of_variant(&of_node->parameter_values[k]);
-      put(&parameters->given, &parameters->n_given, of_node->parameter_names[k], "", FM_AT_START,
-        &value);
+      put(&parameters->memory, &parameters->given, &parameters->n_given,
+        of_node->parameter_names[k], "", FM_AT_START, &value);
     }
   }
   if (found != NULL) {
@@ -334,8 +342,8 @@ static void show_policies(
     fm_text_clear(&description);
     fm_text_add(&name, FM_WORDS_OVERRIDE, topic, shown.name);
     fm_text_add(&description, FM_WORDS_POLICY, shown.name, topic, shown.note);
-    put(&parameters->declared, &parameters->n_declared, fm_text_get(&name),
-      fm_text_get(&description), FM_AT_START, shown.word[0] == '\0' ? &depth : &word);
+    put_declared(parameters, fm_text_get(&name), fm_text_get(&description), FM_AT_START,
+      shown.word[0] == '\0' ? &depth : &word);
   }
   fm_text_free(&name);
   fm_text_free(&description);
@@ -408,7 +416,6 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
   parameters->subscribed = fm_reserve(memory, most, sizeof(*names));
   parameters->fixed = fm_reserve(memory, all->n, sizeof(*parameters->fixed));
   if (memory->is_short) {
-    fm_text_join(problems, "\n", "memory is short");
     return;
   }
   for (size_t k = 0; k < parameters->n_given; ++k) {
@@ -430,8 +437,8 @@ static void declare(
     find(parameters->given, parameters->n_given, item->name);
   const bool is_used =
     given != NULL && check(item, item->name, &given->value, problems);
-  put(&parameters->declared, &parameters->n_declared, item->name, item->description,
-    item->settable, is_used ? &given->value : &item->usual);
+  put_declared(parameters, item->name, item->description, item->settable,
+    is_used ? &given->value : &item->usual);
 }
 
 // The `k`-th constant of all bundles; NULL: there are fewer.
@@ -491,7 +498,7 @@ static void declare_constant(
       "bundle with another value", fm_text_get(&name), constant->value);
   }
   if (!has_other_value(parameters, constant)) {  // a parameter shows one value
-    put(&parameters->declared, &parameters->n_declared, fm_text_get(&name),
+    put_declared(parameters, fm_text_get(&name),
       "a constant of the bundle; compiled into this node", FM_AT_START, &value);
   }
   fm_text_free(&name);
@@ -585,7 +592,11 @@ void fm_parameters_begin(
   refuse_unknown_constants(parameters, problems);
   refuse_metrics(parameters, problems);
   read_overrides(parameters, problems);
-  set_level(parameters);
+  if (parameters->memory.is_short) {
+    fm_text_join(problems, "\n", "memory is short");
+  } else {
+    set_level(parameters);
+  }
 }
 
 // Whether a parameter is one of `monitor` or `gate` that decides which node in C it becomes.

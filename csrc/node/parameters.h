@@ -49,7 +49,7 @@ struct fm_parameters
   size_t n_declared;
   struct fm_parameter * given;  // on the command line, or in files
   size_t n_given;
-  struct fm_memory memory;       // of the next four, and of resolved names
+  struct fm_memory memory;       // of the next four, and of names; whether it was ever short
   const struct fm_given * facts;  // what is given
   const char ** subscribed;       // full names of topics
   uint32_t n_subscribed;
