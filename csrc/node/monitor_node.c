@@ -343,7 +343,9 @@ static int begin_parameters(struct fm_monitor_node * monitor)
 {
   struct fm_text problems = {NULL, 0, 0};
   fm_parameters_begin(&monitor->parameters, &monitor->node, monitor->tables, &problems);
-  fm_parameters_warn(&monitor->parameters);
+  if (!monitor->parameters.memory.is_short) {
+    fm_parameters_warn(&monitor->parameters);
+  }
   for (const char * line = fm_text_get(&problems); *line != '\0'; ) {
     const size_t length = strcspn(line, "\n");
     fprintf(stderr, "error: %.*s\n", (int)length, line);
