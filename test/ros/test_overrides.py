@@ -136,7 +136,7 @@ RIGHT = (
     '/wind/speed.subscription.history:=keep_all', '/cmd.subscription.reliability:=Reliable',
     '/clock.subscription.color:=1', '/parameter_events.publisher.depth:=100',
     '/wind/sped.subscription.depth:=1', '/nothing.subscription.history:=keep_last',
-    '/motor.publisher.depth:=1', '/motor.publisher_a.deadline:=1')
+    '/motor.publisher.depth:=1', '/motor.publisher_a.deadline:=1', '/rosout.publisher.depth:=1')
 IGNORED = [
     "/motor.publisher.depth': only subscriptions can be changed",
     "/motor.publisher_a.deadline': only subscriptions can be changed",

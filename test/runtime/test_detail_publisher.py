@@ -114,9 +114,21 @@ def test_more_details_a_second_are_queued_for_a_subscriber(make: Make) -> None:
     turns.turn()
     for number in range(30):
         turns.violate(2.0, 1.0 + number)
-    while len(turns.published) < 30:
+    for _ in range(30):
         assert turns.turn() == (True, [])
+    assert len(turns.published) == 30
     assert turns.published[-1][2]['suppressed'] == '0'
+
+
+def test_the_stamp_of_a_violation_before_1970_has_nanoseconds_that_are_not_negative(
+        make: Make) -> None:
+    turns = make()
+    turns.subscriptions = 1
+    turns.turn()
+    turns.violate(2.0, -1.25)
+    turns.turn()
+    (stamp, _, values), = turns.published
+    assert (stamp, values['stamp']) == ((-2, 750_000_000), '-1.250000000')
 
 
 def test_a_violation_before_the_first_turn_is_published_and_logged(make: Make) -> None:
