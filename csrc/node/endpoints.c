@@ -23,6 +23,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "words.h"
+
 bool fm_service_open(
   struct fm_node * node, rcl_service_t * service, const rosidl_service_type_support_t * type,
   const char * name, const rmw_qos_profile_t * profile)
@@ -50,7 +52,7 @@ void fm_respond(
   void * response)
 {
   if (rcl_send_response(service, request, response) != RCL_RET_OK) {
-    fm_log(node, FM_WARN, "the response of %s is not sent: %s",
+    fm_log(node, FM_WARN, FM_WORDS_RESPONSE_NOT_SENT,
       rcl_service_get_service_name(service), rcl_get_error_string().str);
     rcl_reset_error();
   }

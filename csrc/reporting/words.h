@@ -28,6 +28,7 @@
   "there is another node %s: both watch and announce; give one another name (-r __node:=NAME) " \
   "to tell them apart in /diagnostics, ~/reset and transitions"
 #define FM_WORDS_UNANSWERED "gate '%s': no server of %s answers; the request is refused"
+#define FM_WORDS_RESPONSE_NOT_SENT "the response of %s is not sent: %s"
 #define FM_WORDS_NEGATIVE_TIME "a message on /clock is ignored: its time is negative, %.3f s"
 #define FM_WORDS_KEY_SIZE "a key has 1 to 255 bytes"
 

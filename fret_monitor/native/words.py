@@ -23,6 +23,7 @@ INACTIVE = 'nothing is monitored until the node is active again'
 NO_RESTART = 'nothing to restart: the node is not active'
 NAMESAKE = 'there is another node %s: both watch and announce; give one another name (-r __node:=NAME) to tell them apart in /diagnostics, ~/reset and transitions'
 UNANSWERED = "gate '%s': no server of %s answers; the request is refused"
+RESPONSE_NOT_SENT = 'the response of %s is not sent: %s'
 NEGATIVE_TIME = 'a message on /clock is ignored: its time is negative, %.3f s'
 KEY_SIZE = 'a key has 1 to 255 bytes'
 NO_SERVER = 'no server of %s in %g s'

@@ -29,6 +29,7 @@ from types import ModuleType
 from typing import cast
 
 from fret_monitor.model.output import drop_output
+from fret_monitor.native import words
 from fret_monitor.ros.settings.parameters import (
     GATE_PARAMETERS, LOGGER_PARAMETERS, MONITOR_PARAMETERS, Refusal,
 )
@@ -188,7 +189,7 @@ def _spin(executor: SingleThreadedExecutor, node: Node, is_over: Event) -> None:
         except _rclpy.RCLError as error:
             if 'send response' not in str(error):
                 raise
-            node.get_logger().warning(f'the response of a service is not sent: {error}')
+            node.get_logger().warning(words.RESPONSE_NOT_SENT % ('a service', error))
 
 
 def _run(make_node: Callable[[], Node], stop: StopRequest, not_native: str) -> int:

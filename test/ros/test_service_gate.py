@@ -140,3 +140,14 @@ def test_a_response_that_cannot_be_sent_is_logged() -> None:
     gate.close()
     assert 'is not sent: no client' in node.get_logger.return_value.warning.call_args.args[0]
     node.destroy_service.assert_called_once()
+
+
+def test_a_request_that_another_thread_has_taken_before_the_gate_was_closed_ends_well(
+    partner: Partner,
+) -> None:
+    node = create_node('gated', context=partner.context)
+    gate = make_gate(node, MagicMock())
+    gate.close()
+    gate._send(gate._serve(SetBool.Request(), SetBool.Response()), MagicMock())
+    assert (gate.source, gate.unanswered) == ('/arm', 1)
+    node.destroy_node()

@@ -39,6 +39,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.task import Future
 from service_msgs.msg import ServiceEventInfo
 
+_FAILED = _rclpy.RCLError, _rclpy.InvalidHandle  # the second: what was closed
 _LOGGED_S = 10.0  # between two log lines about requests that no server answers
 
 
@@ -73,30 +74,25 @@ class ServiceGate:
                 self._service: Any = node.create_service(
                     self._kind, gate.source, self._serve, callback_group=group)
             undo.pop_all()
+        # As text, since other threads may read them when the gate is closed.
+        self.target = str(self._client.service_name)
+        """The full name of the service that is called."""
+        self.source = str(self._service.service_name)
+        """The full name of the service that is offered."""
         self._respond = self._service.send_response
         cast(Any, self._service).send_response = self._send
         self.unanswered = 0
         """Requests that passed, and that no server answered."""
 
-    @property
-    def target(self) -> str:
-        """The full name of the service that is called."""
-        return str(self._client.service_name)
-
-    @property
-    def source(self) -> str:
-        """The full name of the service that is offered."""
-        return str(self._service.service_name)
-
     def _serve(self, request: Any, response: Any) -> Any:
-        """Return the response, or what `_send` waits for."""
-        if not self._client.service_is_ready():  # not judged: a request that passes is a step
-            return self._unanswered()
-        if self._engine.judge(self._event(request), time_ns()) is not Judgement.PASSED:
-            return self._refusal
+        """Return the response, or what `_send` waits for; also while another thread closes."""
         try:
+            if not self._client.service_is_ready():  # not judged: a request that passes is a step
+                return self._unanswered()
+            if self._engine.judge(self._event(request), time_ns()) is not Judgement.PASSED:
+                return self._refusal
             return self._client.call_async(request)
-        except _rclpy.RCLError:
+        except _FAILED:
             return self._unanswered()
 
     def _send(self, answer: Any, request: Any) -> None:
@@ -112,9 +108,8 @@ class ServiceGate:
             return
         try:
             self._respond(answer, request)
-        except (_rclpy.RCLError, _rclpy.InvalidHandle) as error:
-            self._node.get_logger().warning(
-                f'the response of {self.source} is not sent: {error}')
+        except _FAILED as error:
+            self._node.get_logger().warning(words.RESPONSE_NOT_SENT % (self.source, error))
 
     def _pass_on(self, future: Future) -> None:
         """Send the answer of the server, unless the request was refused meanwhile."""
