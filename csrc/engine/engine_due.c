@@ -231,5 +231,9 @@ bool fm_engine_mark_clock_locked(struct fm_engine * engine)
   }
   engine->marks[engine->n_marks % FM_MOST_MARKS] = mark;
   engine->n_marks += 1;
-  return has_moved_on && fm_engine_deadline_locked(engine) > now;
+  const bool is_quiet = has_moved_on && fm_engine_deadline_locked(engine) > now;
+  if (is_quiet) {
+    fm_see_time(engine->options.evaluator, now);
+  }
+  return is_quiet;
 }

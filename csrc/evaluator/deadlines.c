@@ -33,6 +33,7 @@ static void begin_time(struct fm_evaluator * evaluator, int64_t now)
   instance->time->has_begun = true;
   instance->time->now = now;
   instance->time->before = now;
+  instance->time->seen = now;
   instance->time->clock = now;
   instance->time->arrived = now;
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
@@ -229,10 +230,15 @@ static void move_time(struct fm_evaluator * evaluator, int64_t now)
     restart_time(evaluator, now);
   }
   if (now > time->now) {
-    time->before = time->now;
+    time->before = time->seen > time->now && time->seen < now ? time->seen : time->now;
     time->now = now;
     time->clock = now > time->clock ? now : time->clock;
   }
+}
+
+void fm_see_time(struct fm_evaluator * evaluator, int64_t now)
+{
+  evaluator->instance.time->seen = now;
 }
 
 uint32_t fm_take_first_due(

@@ -49,6 +49,7 @@ static void handle_signals(void)
   (void)sigprocmask(SIG_UNBLOCK, &handled, NULL);  // `monitor` blocks them until here
   action.sa_handler = SIG_IGN;  // the reader of the log may end before the node
   (void)sigaction(SIGPIPE, &action, NULL);
+  (void)sigaction(SIGXFSZ, &action, NULL);  // a file that is too large is an error of a write
 }
 
 int main(int argc, char ** argv)
