@@ -12,7 +12,7 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// deadlines.c: see deadlines.h, and fm_evaluator_advance in evaluator.h.
+/// deadlines.c: see due.h, and fm_evaluator_advance in evaluator.h.
 
 #include "due.h"
 
@@ -39,10 +39,10 @@ static void begin_time(struct fm_evaluator * evaluator, int64_t now)
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     const int64_t limit = limit_of(evaluator, i);
     instance->inputs[i].stored_at = now;
-    instance->inputs[i].due = limit > 0 ? fm_later(now, limit) : FM_NEVER;
+    fm_set_due(evaluator, i, limit > 0 ? fm_later(now, limit) : FM_NEVER);
   }
   if (evaluator->period > 0) {
-    instance->time->next_period = fm_later(now, evaluator->period);
+    fm_set_period_due(evaluator, fm_later(now, evaluator->period));
   }
   fm_begin_ready_groups(evaluator);
   if (evaluator->policy == FM_TIMED) {
@@ -172,8 +172,8 @@ void fm_miss_periods(struct fm_evaluator * evaluator, int64_t last)
     if (due > FM_MOST_PERIODS_BEHIND) {
       const uint64_t missed = due - FM_MOST_PERIODS_BEHIND;
       evaluator->counts.missed += missed;
-      time->next_period = (int64_t)((uint64_t)time->next_period + missed * period);
-      evaluator->is_exact = false;
+      fm_set_period_due(
+        evaluator, (int64_t)((uint64_t)time->next_period + missed * period));
     }
   }
 }
@@ -183,8 +183,7 @@ static void take_period(struct fm_evaluator * evaluator, int64_t now, struct fm_
   struct fm_instance_time * time = evaluator->instance.time;
   evaluator->counts.periods += 1;
   evaluator->counts.late += fm_since(time->next_period, now) > evaluator->period / 2 ? 1u : 0u;
-  time->next_period = fm_later(time->next_period, evaluator->period);
-  evaluator->is_exact = false;
+  fm_set_period_due(evaluator, fm_later(time->next_period, evaluator->period));
   fm_end_receptions(evaluator, now);
   fm_renew_rates(evaluator, report->stamp);
   fm_step_ready_groups(evaluator, report);

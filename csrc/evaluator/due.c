@@ -40,6 +40,11 @@ void fm_set_group_due(struct fm_evaluator * evaluator, uint32_t g, int64_t due)
   fm_replace_due(evaluator, &evaluator->instance.groups[g].due, due);
 }
 
+void fm_set_period_due(struct fm_evaluator * evaluator, int64_t due)
+{
+  fm_replace_due(evaluator, &evaluator->instance.time->next_period, due);
+}
+
 void fm_note_value(struct fm_evaluator * evaluator, uint32_t i)
 {
   const struct fm_instance * instance = &evaluator->instance;
@@ -80,11 +85,11 @@ void fm_evaluator_reset(struct fm_evaluator * evaluator)
     evaluator->steps_before[g] += instance->groups[g].steps;
   }
   fm_instance_reset(instance);
+  fm_forget_deadline(evaluator);
   fm_begin_ready_groups(evaluator);
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     if (instance->inputs[i].is_stale) {
-      instance->inputs[i].due = instance->time->now;
-      fm_forget_deadline(evaluator);
+      fm_set_due(evaluator, i, instance->time->now);
     }
   }
 }

@@ -26,11 +26,15 @@
 /// Set when an input times out. O(1).
 FM_INTERNAL void fm_set_due(struct fm_evaluator * evaluator, uint32_t i, int64_t due);
 
-/// Replace a time at which something is due, of the evaluator's. O(1).
+/// Replace a time at which something is due, of the evaluator's. All are set here, but for those
+/// that an instance is made, reset or shifted with (instance.c). O(1).
 FM_INTERNAL void fm_replace_due(struct fm_evaluator * evaluator, int64_t * due, int64_t by);
 
 /// Set when a group is to be evaluated. O(1).
 FM_INTERNAL void fm_set_group_due(struct fm_evaluator * evaluator, uint32_t g, int64_t due);
+
+/// Set when the next period begins. O(1).
+FM_INTERNAL void fm_set_period_due(struct fm_evaluator * evaluator, int64_t due);
 
 /// Under FM_TIMED: let the groups that are ready and have not begun, begin now. O(groups).
 FM_INTERNAL void fm_begin_ready_groups(struct fm_evaluator * evaluator);

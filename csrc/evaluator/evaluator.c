@@ -13,8 +13,7 @@
 // limitations under the License.
 
 /// evaluator.c: see evaluator.h for the contract. Values, messages, rows, and answers; tables.h
-/// has the structs, steps.h the steps and their reports, deadlines.h what is due without a
-/// message.
+/// has the structs, steps.h the steps and their reports, due.h what is due without a message.
 ///
 /// Each group counts the inputs it waits for, so that no call searches for them: `unset` counts
 /// its inputs without a value, `awaited` those that were not received since its last step. A store

@@ -227,7 +227,7 @@ static void begin_in(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, in
   struct fm_evaluator * evaluator = fm_scopes_enter_slot(scopes, kind, slot);
   if (time->has_begun) {
     (void)fm_reach(evaluator, now);
-    evaluator->instance.time->next_period = time->next_period;
+    fm_set_period_due(evaluator, time->next_period);
   }
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     if (cell->options.shared[i] != UINT32_MAX) {
