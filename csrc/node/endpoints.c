@@ -16,6 +16,8 @@
 
 #include "endpoints.h"
 
+#include "words.h"
+
 #include <rcl/error_handling.h>
 #include <rcl/graph.h>
 #include <rcl/service.h>
@@ -69,7 +71,7 @@ bool fm_publisher_open(
   const bool is_made =
     rcl_publisher_init(publisher, &node->node, type, topic, &options) == RCL_RET_OK;
   if (!is_made) {
-    fm_log_failure(node, "cannot subscribe or advertise");
+    fm_log_failure(node, FM_WORDS_NO_ENDPOINT);
   }
   return is_made;
 }
@@ -105,7 +107,7 @@ bool fm_client_open(
   const rcl_client_options_t options = rcl_client_get_default_options();
   *client = rcl_get_zero_initialized_client();
   if (rcl_client_init(client, &node->node, type, name, &options) != RCL_RET_OK) {
-    fm_log_failure(node, "cannot subscribe or advertise");
+    fm_log_failure(node, FM_WORDS_NO_ENDPOINT);
     return false;
   }
   *end = (struct fm_service_client) {

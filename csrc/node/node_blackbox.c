@@ -23,6 +23,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "words.h"
+
 #define END_TOPIC "~/blackbox_end"
 #define END_TYPE "std_msgs/msg/Header"
 
@@ -60,7 +62,7 @@ static struct fm_blackbox_topic * list_topics(
   const char * end_topic = fm_resolve(box->node, &box->memory, END_TOPIC, false);
   struct fm_blackbox_topic * topics = fm_reserve(&box->memory, n + 1u, sizeof(*topics));
   if (end_topic == NULL || topics == NULL) {
-    fm_log_failure(box->node, "cannot subscribe or advertise");
+    fm_log_failure(box->node, FM_WORDS_NO_ENDPOINT);
     return NULL;
   }
   for (uint32_t k = 0; k < n; ++k) {
@@ -93,8 +95,7 @@ bool fm_node_blackbox_begin(
   }
   const char * folder = whole_path(&box->memory, given);
   if (folder == NULL) {
-    fm_log(node, FM_ERROR, "parameter 'blackbox' is '%s', in a working directory that was "
-      "deleted: give the whole path", given);
+    fm_log(node, FM_ERROR, FM_WORDS_NO_WORKING_DIRECTORY, given);
     return false;
   }
   box->options = (struct fm_blackbox_options) {

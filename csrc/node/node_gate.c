@@ -351,7 +351,7 @@ static bool start_relay(struct fm_node_gate * gate)
     .substitute_size = about->substitute_size, .holds = otherwise == FM_HOLD,
     .stamp_at = about->stamp_at};
   if (!fm_relay_start(&gate->relay, &options)) {
-    fm_log(gate->node, FM_ERROR, "no thread can be started");
+    fm_log(gate->node, FM_ERROR, FM_WORDS_NO_THREAD);
     return false;
   }
   return true;

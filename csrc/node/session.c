@@ -45,7 +45,7 @@ static bool resolve_used(struct fm_session * session)
     is_good = names[k] != NULL;
   }
   if (!is_good) {
-    fm_log_failure(session->node, "cannot subscribe or advertise");
+    fm_log_failure(session->node, FM_WORDS_NO_ENDPOINT);
   }
   session->topic_names = names;
   return is_good;
@@ -133,7 +133,7 @@ static bool name_gate(struct fm_session * session)
     fm_resolve(session->node, &session->configured, gate->name, is_service);
   session->gate_target = fm_resolve(session->node, &session->configured, gate->to, is_service);
   if (session->gate_source == NULL || session->gate_target == NULL) {
-    fm_log_failure(session->node, "cannot subscribe or advertise");
+    fm_log_failure(session->node, FM_WORDS_NO_ENDPOINT);
     return false;
   }
   return true;
@@ -335,7 +335,7 @@ static bool start_threads(struct fm_session * session)
     session->detail_thread == NULL || !start_announcer(session) || !start_verdicts(session) ||
     !fm_node_actions_start(&session->actions, session->engine))
   {
-    fm_log(session->node, FM_ERROR, "no thread can be started");
+    fm_log(session->node, FM_ERROR, FM_WORDS_NO_THREAD);
     return false;
   }
   return fm_node_gate_start(&session->gate, session->clock);

@@ -19,6 +19,7 @@
 #include <string.h>
 
 #include "shared_names.h"
+#include "words.h"
 
 #define STAND_IN "fm_key"
 
@@ -109,7 +110,7 @@ static const char * resolve(struct used * used, const char * name, bool is_servi
   const char * full = fm_resolve(used->node, &used->memory, name, is_service);
   if (full == NULL) {
     used->is_good = false;
-    fm_log_failure(used->node, "cannot subscribe or advertise");
+    fm_log_failure(used->node, FM_WORDS_NO_ENDPOINT);
   }
   return full == NULL ? "" : full;
 }

@@ -27,6 +27,10 @@
 #define FM_WORDS_NAMESAKE \
   "there is another node %s: both watch and announce; give one another name (-r __node:=NAME) " \
   "to tell them apart in /diagnostics, ~/reset and transitions"
+#define FM_WORDS_NO_ENDPOINT "cannot subscribe or advertise"
+#define FM_WORDS_NO_THREAD "no thread can be started"
+#define FM_WORDS_NO_WORKING_DIRECTORY \
+  "parameter 'blackbox' is '%s', in a working directory that was deleted: give the whole path"
 #define FM_WORDS_UNANSWERED "gate '%s': no server of %s answers; the request is refused"
 #define FM_WORDS_RESPONSE_NOT_SENT "the response of %s is not sent: %s"
 #define FM_WORDS_NEGATIVE_TIME "a message on /clock is ignored: its time is negative, %.3f s"

@@ -22,6 +22,9 @@ WAITING = 'waiting to be configured and activated: autostart is false'
 INACTIVE = 'nothing is monitored until the node is active again'
 NO_RESTART = 'nothing to restart: the node is not active'
 NAMESAKE = 'there is another node %s: both watch and announce; give one another name (-r __node:=NAME) to tell them apart in /diagnostics, ~/reset and transitions'
+NO_ENDPOINT = 'cannot subscribe or advertise'
+NO_THREAD = 'no thread can be started'
+NO_WORKING_DIRECTORY = "parameter 'blackbox' is '%s', in a working directory that was deleted: give the whole path"
 UNANSWERED = "gate '%s': no server of %s answers; the request is refused"
 RESPONSE_NOT_SENT = 'the response of %s is not sent: %s'
 NEGATIVE_TIME = 'a message on /clock is ignored: its time is negative, %.3f s'

@@ -22,6 +22,7 @@ hands over what C must know of the node.
 from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
+from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.symbols import Unavailable
@@ -94,7 +95,7 @@ class BlackBox:
         self._engine = engine
         native_lifetimes.keep(self)
         if not self._library.fm_blackbox_writer_start(self._pointer, engine.pointer):
-            raise Unavailable('no thread can be started')
+            raise Unavailable(words.NO_THREAD)
 
     def end(self) -> None:
         """Write what is pending, and end the thread; a second call does nothing."""

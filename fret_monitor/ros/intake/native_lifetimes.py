@@ -27,6 +27,7 @@ import ctypes
 from threading import Lock
 from typing import Any, Protocol
 
+from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.runtime import Engine
@@ -93,7 +94,7 @@ class NativeThread:
     def _start(self, *arguments: Any) -> None:
         """Start the thread, inside `_starting`; raises `Unavailable`."""
         if not self._function('start')(self._place, *arguments):
-            raise Unavailable('no thread can be started')
+            raise Unavailable(words.NO_THREAD)
 
     def _call(self, name: str, *arguments: Any) -> Any:
         """Call a function of the thread; return None if there is no thread any more."""

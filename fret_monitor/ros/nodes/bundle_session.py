@@ -108,7 +108,7 @@ class BundleSession:
                 refuse_merged_topics(self._node, self.manifest, self._table, self.library)
                 self._advertise()
             except InvalidTopicNameException as error:  # from the namespace or a remapping
-                raise Refusal(f'cannot subscribe or advertise: {error}') from None
+                raise Refusal(f'{words.NO_ENDPOINT}: {error}') from None
             undo.pop_all()
 
     @property

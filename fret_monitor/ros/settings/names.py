@@ -24,6 +24,7 @@ from fret_monitor.model.report_table import used_topics
 from fret_monitor.model.used_names import (
     types_of, types_of_node, Use, uses_of, uses_of_node, what_is_done,
 )
+from fret_monitor.native import words
 from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.runtime.reporting import ReportTable
 from fret_monitor.runtime.shared_names import find_merged, find_shared, find_two_types
@@ -116,7 +117,7 @@ def valid_names() -> Iterator[None]:
         yield
     except _rclpy.RCLError as error:
         reason = str(error).removeprefix('failed to resolve name: ')
-        raise Refusal(f'cannot subscribe or advertise: {reason}') from None
+        raise Refusal(f'{words.NO_ENDPOINT}: {reason}') from None
 
 
 @contextmanager

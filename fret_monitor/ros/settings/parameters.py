@@ -347,8 +347,7 @@ def _blackbox(given: Given, found: Mapping[str, Any]) -> BlackBoxSettings | None
     try:
         path = Path(folder).expanduser().absolute()
     except FileNotFoundError:
-        given.problems.append(f"parameter 'blackbox' is '{folder}', in a working directory that "
-                              'was deleted: give the whole path')
+        given.problems.append(words.NO_WORKING_DIRECTORY % folder)
         return None
     return BlackBoxSettings(
         path, float(found['blackbox_seconds']), found['blackbox_bytes'], found['blackbox_files'],
