@@ -35,7 +35,7 @@ from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.messages.installed import find_message, nested_layout
 from fret_monitor.messages.layout import ArrayKind, MessageLayout
 from fret_monitor.model.diagnostics import (
-    CompileError, counted, Problems, refuse, Source, Text,
+    CompileError, counted, Problems, Source, Text,
 )
 from fret_monitor.model.names import name_fault
 from fret_monitor.model.progress import no_progress, Progress
@@ -83,7 +83,8 @@ class SeenTopic:
     """
     A topic: its fields of numbers, its messages, and what has passed between them (ns).
 
-    `is_installed`: its message definition is here, and not only in a recording.
+    `is_installed`: its message definition is here, and not only in a recording. One that is left
+    out has no fields; if a warning says why, no type either.
     """
 
     name: str
@@ -105,6 +106,10 @@ class SeenTopic:
         self.longest_gap = max(self.longest_gap, *gaps, 0)
 
     @property
+    def has_numbers(self) -> bool:
+        return bool(self.fields or self.arrays)
+
+    @property
     def timeout(self) -> float:
         """Twice the longest gap, in seconds with two digits, but what an input may have."""
         return max(float(f'{2e-9 * self.longest_gap:.2g}'), _LEAST_TIMEOUT) \
@@ -114,7 +119,7 @@ class SeenTopic:
 def recorded_topics(paths: Sequence[Path], problems: Problems,
                     wanted: Collection[str] = ()) -> list[SeenTopic]:
     """
-    Return the topics of recordings that have fields of numbers, by name.
+    Return the topics of recordings, by name.
 
     Left out with a warning are those without numbers, those of several types, and those of
     messages without a definition that can be read. If some are `wanted`, others have no warning.
@@ -122,7 +127,7 @@ def recorded_topics(paths: Sequence[Path], problems: Problems,
     Raises
     ------
     CompileError
-        if a recording cannot be read, or no topic has fields of numbers.
+        if a recording cannot be read.
     """
     found: dict[str, SeenTopic] = {}
     types: dict[str, set[str]] = {}
@@ -134,28 +139,36 @@ def recorded_topics(paths: Sequence[Path], problems: Problems,
                     (kind,) = kinds
                     own = problems if not wanted or name in wanted else Problems()
                     found[name] = _recorded_topic(name, kind, recording, own)
-    several = sorted(name for name, kinds in types.items() if len(kinds) > 1)
-    for name in several if not wanted else sorted({*several} & {*wanted}):
-        problems.warning(f'{name} is left out: it was recorded as '
-                         + ' and '.join(sorted(types[name])))
-    single = [topic for name, topic in sorted(found.items()) if name not in several]
-    topics = [topic for topic in single if topic.fields or topic.arrays]
-    if not topics:
-        refuse('no topic with numbers was recorded')
-    without = [topic.name for topic in single if topic not in topics
-               and (not wanted or topic.name in wanted)]
-    if without:
-        problems.warning(f'left out, as they have no numbers: {", ".join(without)}')
+    for name, kinds in sorted(types.items()):
+        if len(kinds) > 1:
+            own = problems if not wanted or name in wanted else Problems()
+            found[name] = left_out(name, f'it was recorded as {" and ".join(sorted(kinds))}', own)
+    topics = [topic for _, topic in sorted(found.items())]
+    warn_without_numbers(topics, problems, wanted)
     return topics
 
 
+def left_out(name: str, reason: str, problems: Problems) -> SeenTopic:
+    """Return a topic that is left out, with a warning."""
+    problems.warning(f'{name} is left out: {reason}')
+    return SeenTopic(name, '', [], [])
+
+
+def warn_without_numbers(
+        topics: Iterable[SeenTopic], problems: Problems, wanted: Collection[str]) -> None:
+    """Warn of topics that have no numbers; if some are `wanted`, only of those."""
+    without = [topic.name for topic in topics if topic.type and not topic.has_numbers
+               and (not wanted or topic.name in wanted)]
+    if without:
+        problems.warning(f'left out, as they have no numbers: {", ".join(without)}')
+
+
 def _recorded_topic(name: str, kind: str, recording: Recording, problems: Problems) -> SeenTopic:
-    """Return a topic with its fields; without any, and a warning, if its messages are unknown."""
+    """Return a topic with its fields; it is left out if its messages are unknown."""
     try:
         topic = SeenTopic(name, kind, *fields_of(recording.find_message(kind)))
     except CompileError as error:
-        problems.warning(f'{name} is left out: {error.diagnostics[0].title}')
-        return SeenTopic(name, kind, [], [])
+        return left_out(name, error.diagnostics[0].title, problems)
     try:
         find_message(kind)
     except CompileError:

@@ -25,7 +25,7 @@ from pathlib import Path
 from time import monotonic, time_ns
 from typing import Any, TYPE_CHECKING
 
-from fret_monitor.bag.first_bundle import fields_of, SeenTopic
+from fret_monitor.bag.first_bundle import fields_of, left_out, SeenTopic, warn_without_numbers
 from fret_monitor.messages.installed import complete_definition, find_message
 from fret_monitor.model.diagnostics import CompileError, Problems, refuse
 from fret_monitor.model.progress import Progress
@@ -52,14 +52,15 @@ class LiveGraph:
 
     def topics(self, wanted: Sequence[str], problems: Problems) -> list[SeenTopic]:
         """
-        Return the published topics that have fields of numbers, by name.
+        Return the published topics, by name; warn of those that are left out.
 
         Waits until all those in `wanted` are published, or, without any, until the graph has not
         changed for a second; at most ten seconds.
         """
         found = self._discovered(wanted)
-        seen = [self._seen(name, types, problems) for name, types in sorted(found.items())]
-        return [topic for topic in seen if topic and (topic.fields or topic.arrays)]
+        topics = [self._seen(name, types, problems) for name, types in sorted(found.items())]
+        warn_without_numbers(topics, problems, wanted)
+        return topics
 
     def _discovered(self, wanted: Sequence[str]) -> dict[str, list[str]]:
         found: dict[str, list[str]] = {}
@@ -75,15 +76,14 @@ class LiveGraph:
                 break
         return found
 
-    def _seen(self, name: str, types: list[str], problems: Problems) -> SeenTopic | None:
+    def _seen(self, name: str, types: list[str], problems: Problems) -> SeenTopic:
         try:
             if len(types) > 1:
                 refuse(f'the topic {name} has several types: {", ".join(types)}')
             _message_class(types[0])
             return SeenTopic(name, types[0], *fields_of(find_message(types[0])))
         except CompileError as error:
-            problems.warning(f'{name} is left out: {error.diagnostics[0].title}')
-            return None
+            return left_out(name, error.diagnostics[0].title, problems)
 
     def record(self, topics: Sequence[SeenTopic], seconds: float, path: Path,
                progress: Progress) -> None:

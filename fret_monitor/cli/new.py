@@ -87,11 +87,8 @@ def _of_graph(options: Namespace) -> int:
     with live_graph() as graph, TemporaryDirectory() as folder:
         found = graph.topics([_full(name) for name in options.topics or ()], problems)
         print_diagnostics(problems.warnings)
-        if not found:
-            refuse('no topic with numbers is published',
-                   help='is the robot in this domain? ROS_DOMAIN_ID is '
-                   + os.environ.get('ROS_DOMAIN_ID', '0'))
-        topics = _chosen(options, found, 'is published')
+        topics = _chosen(options, found, 'is published', 'is the robot in this domain? '
+                         f'ROS_DOMAIN_ID is {os.environ.get("ROS_DOMAIN_ID", "0")}')
         path = Path(folder) / 'live.mcap'
         with progress('new', is_printing=options.output is None) as report:
             graph.record(topics, options.seconds, path, report)
@@ -99,12 +96,17 @@ def _of_graph(options: Namespace) -> int:
     return _write(options, topics, f'{options.seconds:g} s of the running graph')
 
 
-def _chosen(options: Namespace, topics: list['SeenTopic'], what: str) -> list['SeenTopic']:
-    """Return the topics that the options or the menu choose."""
+def _chosen(options: Namespace, found: list['SeenTopic'], what: str,
+            help_without: str = '') -> list['SeenTopic']:
+    """Return the topics with numbers that the options or the menu choose."""
+    topics = [topic for topic in found if topic.has_numbers]
+    names = [topic.name for topic in topics]
+    if not topics:
+        refuse(f'no topic with numbers {what}', help=help_without)
     if options.all:
         return topics
-    names = [topic.name for topic in topics]
-    wanted = _known(options.topics, names, what) if options.topics else _menu(names)
+    left_out = {topic.name for topic in found} - {*names}
+    wanted = _known(options.topics, names, left_out, what) if options.topics else _menu(names)
     return [topic for topic in topics if topic.name in wanted]
 
 
@@ -125,12 +127,12 @@ def _full(name: str) -> str:
     return name if name.startswith('/') else f'/{name}'
 
 
-def _known(wanted: list[str], names: list[str], what: str) -> list[str]:
-    """Return full names of topics; refuse those that are not there."""
+def _known(wanted: list[str], names: list[str], left_out: set[str], what: str) -> list[str]:
+    """Return full names of topics; refuse those that are not there, or if all are left out."""
     problems = Problems()
     full = [_full(name) for name in wanted]
     for name in full:
-        if name not in names:
+        if name not in names and (name not in left_out or left_out.issuperset(full)):
             problems.error(f'no topic {shown(name)} with numbers {what}',
                            help=did_you_mean(name, names) or 'there are ' + ', '.join(names))
     problems.raise_errors()

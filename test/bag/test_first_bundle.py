@@ -205,9 +205,13 @@ def test_topics_of_two_types_and_without_numbers_are_left_out_and_told(
     assert '/x' not in target.read_text() and '/enable' not in target.read_text()
     assert main(['new', '--bag', *bags, '--topics', 'base/cmd_vel']) == 0
     assert capsys.readouterr().err == ''
-    assert main(['new', '--bag', *bags, '--topics', 'base/cmd_vel', 'x']) == 1
+    assert main(['new', '--bag', *bags, '--topics', 'base/cmd_vel', 'x']) == 0
     said = capsys.readouterr().err
     assert 'warning: /x is left out' in said and '/note' not in said and '/enable is' not in said
+    assert main(['new', '--bag', *bags, '--topics', 'note', 'base/cmd_vel']) == 0
+    assert capsys.readouterr().err == 'warning: left out, as they have no numbers: /note\n'
+    assert main(['new', '--bag', *bags, '--topics', 'note']) == 1
+    assert "no topic '/note' with numbers was recorded" in capsys.readouterr().err
 
 
 def test_messages_of_arrays_alone_are_counted(tmp_path: Path) -> None:
@@ -280,8 +284,9 @@ def test_topics_without_a_definition_are_left_out_and_texts_alone_are_no_bundle(
     monkeypatch.setattr(Recording, 'find_message', find_message)
     bag = str(recording(tmp_path / 'run'))
     assert main(['new', '--bag', bag, '--all', '-o', str(target)]) == 0
-    assert "warning: /enable is left out: no messages of a package 'std_msgs' were found" in (
-        capsys.readouterr().err)
+    said = capsys.readouterr().err
+    assert "warning: /enable is left out: no messages of a package 'std_msgs' were found" in said
+    assert 'as they have no numbers: /note\n' in said
     assert '/enable' not in target.read_text(encoding='utf-8')
     with Writer(tmp_path / 'text', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.add_connection('/note', 'std_msgs/msg/String', typestore=TYPES)

@@ -123,8 +123,10 @@ def test_each_field_has_what_was_published(
 
 
 def test_topics_that_are_named_are_waited_for(partner: Partner, tmp_path: Path,
-                                              recorded: set[bytes]) -> None:
+                                              recorded: set[bytes],
+                                              capsys: pytest.CaptureFixture[str]) -> None:
     partner.publisher(std_msgs.msg.Float64, 'other')
+    partner.publisher(std_msgs.msg.String, 'note')
 
     def advertise() -> None:
         wait_until(lambda: NODE in partner.node.get_node_names(), 'the node of `new`')
@@ -134,11 +136,12 @@ def test_topics_that_are_named_are_waited_for(partner: Partner, tmp_path: Path,
 
     target = tmp_path / 'new.yaml'
     with beside(advertise):
-        assert main(['new', '--live', '--topics', 'level', '--seconds', '60',
+        assert main(['new', '--live', '--topics', 'level', 'note', '--seconds', '60',
                      '-o', str(target)]) == 0
     text = target.read_text(encoding='utf-8')
     assert 'level: {topic: /level, type: std_msgs/msg/Float32, field: data' in text
     assert 'always 3' in text and '/other' not in text
+    assert 'warning: left out, as they have no numbers: /note\n' in capsys.readouterr().err
 
 
 def test_what_is_not_there_is_refused(partner: Partner, stranger: Partner,
