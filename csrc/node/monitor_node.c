@@ -169,14 +169,13 @@ static bool activate_all(struct fm_monitor_node * monitor)
 static bool activate(void * context)
 {
   struct fm_monitor_node * monitor = context;
-  const int64_t now = fm_steady_now();
   if (!activate_all(monitor)) {
     deactivate(context);
     return false;
   }
   monitor->is_active = true;
-  monitor->next_review = now;
-  monitor->next_report = now + REPORT_PERIOD_NS;
+  monitor->next_review = fm_steady_now();
+  monitor->next_report = monitor->next_review + REPORT_PERIOD_NS;
   log_taking(monitor, rmw_get_implementation_identifier());
   log_watching(monitor);
   return true;
@@ -527,7 +526,7 @@ static void run_timers_of_sessions(struct fm_monitor_node * monitor, int64_t now
   if (now >= monitor->next_review) {
     monitor->next_review = earliest(monitor, fm_session_review);
   }
-  if (fm_passes(&monitor->next_report, now, REPORT_PERIOD_NS)) {
+  if (fm_is_due(&monitor->next_report, now, REPORT_PERIOD_NS)) {
     for (uint32_t k = 0; k < monitor->tables->n; ++k) {
       fm_health_review(&monitor->healths[k]);
     }
@@ -568,7 +567,7 @@ static void run_timers(struct fm_monitor_node * monitor)
   if (monitor->is_active) {
     run_timers_of_sessions(monitor, now);
   }
-  if (monitor->looks > 0 && fm_passes(&monitor->next_look, now, FM_SECOND)) {
+  if (monitor->looks > 0 && fm_is_due(&monitor->next_look, now, FM_SECOND)) {
     look_for_namesake(monitor);
   }
 }

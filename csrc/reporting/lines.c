@@ -44,6 +44,15 @@ bool fm_passes(int64_t * next, int64_t now, int64_t interval)
   return true;
 }
 
+bool fm_is_due(int64_t * next, int64_t now, int64_t interval)
+{
+  if (now < *next) {
+    return false;
+  }
+  *next += ((now - *next) / interval + 1) * interval;
+  return true;
+}
+
 void fm_lines_clear(struct fm_lines * lines)
 {
   for (uint32_t k = 0; k < lines->n; ++k) {

@@ -52,6 +52,11 @@ FM_PRINTF(3, 4);
 /// first. All are times of one clock. O(1).
 bool fm_passes(int64_t * next, int64_t now, int64_t interval);
 
+/// Whether what is to be done at times an interval apart, the next of which is `*next`, is due: if
+/// so, `*next` is set to the first of them after `now`. So a late call moves none of them, and
+/// after a stop one is made up for. As a timer of rcl, which the node on rclpy has. O(1).
+bool fm_is_due(int64_t * next, int64_t now, int64_t interval);
+
 /// Whether this is the first call with a flag, which is set. O(1).
 static inline bool fm_is_first(bool * flag)
 {

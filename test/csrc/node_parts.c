@@ -40,6 +40,7 @@ static bool fails_to_listen;
 static bool keeps_callback;
 static rmw_event_callback_t listener;  // the last callback for new messages
 static uint32_t attempts;         // to subscribe
+static double subscribing_s;      // how long each takes
 static size_t n_matched;          // publishers
 static bool is_matched_scripted;
 static uint64_t announcer_turns;
@@ -99,6 +100,7 @@ rcl_ret_t __wrap_rcl_subscription_init(
   const rcl_subscription_options_t * options)
 {
   attempts += 1;
+  pass_seconds(subscribing_s);
   if (fails_to_subscribe) {
     rcutils_set_error_state("no room", "middleware.c", 1);
     return RCL_RET_ERROR;
@@ -402,6 +404,21 @@ static void queues_are_as_long_as_the_bundle_says(void)
   CHECK(depth_of(HEAT) == FM_USUAL_DEPTH);
 }
 
+static void reports_come_at_whole_seconds_after_the_start_however_long_it_takes(void)
+{
+  subscribing_s = 0.3;
+  CHECK(fm_lifecycle_change(&node.lifecycle, 4) && fm_lifecycle_change(&node.lifecycle, 3));
+  const int64_t start = now;
+  CHECK(node.next_report == start + FM_SECOND);
+  const struct {double at; int64_t next;} steps[] = {
+    {0.999, 1}, {1.0, 2}, {2.25, 3}, {3.0, 4}, {7.5, 8}, {7.9, 8}, {8.01, 9}};
+  for (size_t k = 0; k < sizeof(steps) / sizeof(steps[0]); ++k) {
+    now = start + (int64_t)(steps[k].at * 1e9);
+    CHECK(fm_monitor_node_spin_once(&node));
+    CHECK(node.next_report == start + steps[k].next * FM_SECOND);
+  }
+}
+
 static void a_missing_clock_is_logged_once(void)
 {
   pass_seconds(6.0);
@@ -474,6 +491,7 @@ int main(int argc, char ** argv)
     {"place", a_parameter_decides_where_messages_are_taken},
     {"order", publishers_are_reported_each_and_in_order},
     {"depth", queues_are_as_long_as_the_bundle_says},
+    {"seconds", reports_come_at_whole_seconds_after_the_start_however_long_it_takes},
     {"clock", a_missing_clock_is_logged_once},
     {"life", a_thread_that_hangs_ends_the_signs_of_life},
     {"response", a_response_that_cannot_be_sent_is_logged},

@@ -21,8 +21,8 @@ import subprocess
 import pytest
 from ros.exported import exported_parts
 
-TESTS = ('retries', 'callback', 'overlap', 'many', 'leak', 'place', 'order', 'depth', 'clock',
-         'life', 'response', 'text')
+TESTS = ('retries', 'callback', 'overlap', 'many', 'leak', 'place', 'order', 'depth', 'seconds',
+         'clock', 'life', 'response', 'text')
 BUNDLE = """
 format: 1
 constants: {whole: 3, real: 2.0}
