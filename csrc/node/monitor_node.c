@@ -341,7 +341,8 @@ static int begin_node(struct fm_monitor_node * monitor)
 static int begin_parameters(struct fm_monitor_node * monitor)
 {
   struct fm_text problems = {NULL, 0, 0};
-  fm_parameters_begin(&monitor->parameters, &monitor->node, monitor->tables, &problems);
+  const bool is_good = fm_parameters_begin(
+    &monitor->parameters, &monitor->node, monitor->tables, &problems);
   if (!monitor->parameters.memory.is_short) {
     fm_parameters_warn(&monitor->parameters);
   }
@@ -350,11 +351,12 @@ static int begin_parameters(struct fm_monitor_node * monitor)
     fprintf(stderr, "error: %.*s\n", (int)length, line);
     line += length + (line[length] == '\n' ? 1u : 0u);
   }
-  const bool is_good = problems.length == 0;
-  fm_text_free(&problems);
   if (is_good) {
     fm_parameters_warn_of_overrides(&monitor->parameters);
+  } else if (problems.length == 0) {
+    fprintf(stderr, "error: memory is short\n");
   }
+  fm_text_free(&problems);
   return is_good ? 0 : 1;
 }
 

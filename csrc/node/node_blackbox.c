@@ -28,28 +28,32 @@
 #define END_TOPIC "~/blackbox_end"
 #define END_TYPE "std_msgs/msg/Header"
 
-// Return the whole path of a folder; NULL if there is none, with errno.
-static const char * whole_path(struct fm_memory * memory, const char * folder)
+// Add the parts of a path but those that are empty or '.'.
+static void add_parts(struct fm_text * path, const char * folder)
 {
-  const char * home = getenv("HOME");
-  const bool is_at_home = folder[0] == '~' && (folder[1] == '/' || folder[1] == '\0');
-  char here[PATH_MAX] = "";
-  struct fm_text path = {NULL, 0, 0};
-  if (is_at_home && home != NULL) {
-    fm_text_add(&path, "%s", home);
-    folder += 1;
-  } else if (folder[0] != '/' && getcwd(here, sizeof(here)) == NULL) {
-    return NULL;
-  } else {
-    fm_text_add(&path, "%s", here);
-  }
-  while (*folder != '\0') {  // without parts that are empty or '.'
+  while (*folder != '\0') {
     const size_t size = strcspn(folder, "/");
     if (size > 0 && (size != 1 || folder[0] != '.')) {
-      fm_text_add(&path, "/%.*s", (int)size, folder);
+      fm_text_add(path, "/%.*s", (int)size, folder);
     }
     folder += size + (folder[size] == '/' ? 1u : 0u);
   }
+}
+
+// Return the whole path of a folder; NULL if there is none, with errno.
+static const char * whole_path(struct fm_memory * memory, const char * folder)
+{
+  const bool is_at_home = folder[0] == '~' && (folder[1] == '/' || folder[1] == '\0');
+  const char * home = is_at_home ? getenv("HOME") : NULL;
+  const char * first = home != NULL ? home : folder;
+  char here[PATH_MAX] = "";
+  struct fm_text path = {NULL, 0, 0};
+  if (first[0] != '\0' && first[0] != '/' && getcwd(here, sizeof(here)) == NULL) {
+    return NULL;
+  }
+  add_parts(&path, here);
+  add_parts(&path, home != NULL ? home : "");
+  add_parts(&path, home != NULL ? folder + 1 : folder);
   const char * const whole = fm_reserve_text(memory, path.length == 0 ? "/" : fm_text_get(&path));
   fm_text_free(&path);
   return whole;

@@ -34,12 +34,10 @@ static bool refuse_without_memory(const struct fm_node * node)
   return false;
 }
 
-// ---- a gate on a service -----------------------------------------------------------------------
+// ---- a gate on a service: answers --------------------------------------------------------------
 
 #define REQUEST_RECEIVED 1u         // service_msgs/msg/ServiceEventInfo
 #define LOGGED_NS (10 * FM_SECOND)  // between two lines about requests that no server answers
-
-// ---- answers -----------------------------------------------------------------------------------
 
 static void refuse_unanswered(struct fm_service_gate * gate, rmw_request_id_t * id)
 {

@@ -345,27 +345,31 @@ static void set_all(
   const rcl_interfaces__msg__Parameter__Sequence * wanted,
   rcl_interfaces__msg__SetParametersResult * result)
 {
+  rcl_interfaces__msg__Parameter__Sequence moved = {NULL, 0, 0};
   struct fm_text reason = {NULL, 0, 0};
   struct fm_text one = {NULL, 0, 0};
+  result->successful = rcl_interfaces__msg__Parameter__Sequence__copy(wanted, &moved);
   for (size_t k = 0; k < wanted->size; ++k) {
     fm_text_clear(&one);
-    fm_parameter_refuse(
-      services->parameters, wanted->data[k].name.data, &wanted->data[k].value, &one);
-    if (one.length > 0) {
+    if (fm_parameter_refuse(
+        services->parameters, wanted->data[k].name.data, &wanted->data[k].value, &one))
+    {
       fm_text_join(&reason, "; ", "%s", fm_text_get(&one));
+      result->successful = false;
     }
   }
   fm_text_free(&one);
-  result->successful = reason.length == 0;
   for (size_t k = 0; result->successful && k < wanted->size; ++k) {
-    fm_parameter_set(services->parameters, wanted->data[k].name.data, &wanted->data[k].value);
+    fm_parameter_set(services->parameters, wanted->data[k].name.data, &moved.data[k].value);
     services->changed(
       services->context, fm_parameter_find(services->parameters, wanted->data[k].name.data));
   }
+  rcl_interfaces__msg__Parameter__Sequence__fini(&moved);
   if (result->successful && wanted->size > 0) {
     publish_changes(services, wanted);
   }
-  assign(&result->reason, fm_text_get(&reason));
+  assign(&result->reason, !result->successful && reason.length == 0 ? "memory is short" :
+    fm_text_get(&reason));
   fm_text_free(&reason);
 }
 

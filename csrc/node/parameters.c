@@ -82,6 +82,16 @@ static bool are_equal(const fm_parameter_value * one, const fm_parameter_value *
   return rcl_interfaces__msg__ParameterValue__are_equal(one, other);
 }
 
+// Whether a value that is given is a constant's. rcl reads a whole number that does not fit as a
+// double.
+static bool is_compiled_value(
+  const fm_parameter_value * given, const fm_parameter_value * compiled)
+{
+  return given->type == FM_REAL && compiled->type == FM_WORD ?
+         given->double_value == strtod(compiled->string_value.data, NULL) :
+         are_equal(given, compiled);
+}
+
 // ---- what is given -----------------------------------------------------------------------------
 
 static bool begins_with(const char * text, const char * prefix)
@@ -296,7 +306,7 @@ static bool check(
   return found;
 }
 
-void fm_parameter_refuse(
+bool fm_parameter_refuse(
   const struct fm_parameters * parameters, const char * name,
   const fm_parameter_value * value, struct fm_text * reason)
 {
@@ -310,8 +320,9 @@ void fm_parameter_refuse(
   } else if (found->settable == FM_UNCONFIGURED && parameters->is_configured) {
     fm_text_add(reason, FM_WORDS_READ_ONCE, name);
   } else {
-    (void)check(description_of(name), name, value, reason);
+    return !check(description_of(name), name, value, reason);
   }
+  return true;
 }
 
 // ---- quality of service ------------------------------------------------------------------------
@@ -340,7 +351,7 @@ static void show_policies(
     const fm_parameter_value word = WORD(shown.word);
     fm_text_clear(&name);
     fm_text_clear(&description);
-    fm_text_add(&name, FM_WORDS_OVERRIDE, topic, shown.name);
+    fm_text_add(&name, FM_WORDS_OVERRIDES FM_WORDS_OVERRIDE, topic, shown.name);
     fm_text_add(&description, FM_WORDS_POLICY, shown.name, topic, shown.note);
     put_declared(parameters, fm_text_get(&name), fm_text_get(&description), FM_AT_START,
       shown.word[0] == '\0' ? &depth : &word);
@@ -383,8 +394,9 @@ static struct fm_fixed_qos * apply_overrides(
   return fixed;
 }
 
-// Add what is wrong with overrides. `names`: room for all topics that are announced.
-static void check_overrides(
+// Add what is wrong with overrides. Returns whether nothing is. `names`: room for all topics that
+// are announced.
+static bool check_overrides(
   struct fm_parameters * parameters, const char ** names, struct fm_text * problems)
 {
   struct fm_lines lines = {NULL, 0, 0};
@@ -396,14 +408,16 @@ static void check_overrides(
         table->topics[k].kind == FM_ANNOUNCED ? table->topics[k].name : NULL, names, &n);
     }
   }
-  fm_check_overrides(&lines, parameters->facts, (uint32_t)parameters->n_given, names, n);
+  const bool is_good = fm_check_overrides(
+    &lines, parameters->facts, (uint32_t)parameters->n_given, names, n);
   for (uint32_t k = 0; k < lines.n; ++k) {
     fm_text_join(problems, "\n", "%s", lines.lines[k].text);
   }
   fm_lines_free(&lines);
+  return is_good;
 }
 
-static void read_overrides(struct fm_parameters * parameters, struct fm_text * problems)
+static bool read_overrides(struct fm_parameters * parameters, struct fm_text * problems)
 {
   const struct fm_node_tables * all = parameters->tables;
   struct fm_memory * memory = &parameters->memory;
@@ -416,7 +430,7 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
   parameters->subscribed = fm_reserve(memory, most, sizeof(*names));
   parameters->fixed = fm_reserve(memory, all->n, sizeof(*parameters->fixed));
   if (memory->is_short) {
-    return;
+    return false;
   }
   for (size_t k = 0; k < parameters->n_given; ++k) {
     facts[k] = given_of(parameters->given[k].name, &parameters->given[k].value);
@@ -425,20 +439,22 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
   for (uint32_t t = 0; t < all->n; ++t) {
     parameters->fixed[t] = apply_overrides(parameters, all->tables[t]);
   }
-  check_overrides(parameters, names, problems);
+  return check_overrides(parameters, names, problems);
 }
 
 // ---- declarations ------------------------------------------------------------------------------
 
-static void declare(
+// Returns whether what is given can be used, as all that follow; adds a line if not.
+static bool declare(
   struct fm_parameters * parameters, const struct described * item, struct fm_text * problems)
 {
   const struct fm_parameter * given =
     find(parameters->given, parameters->n_given, item->name);
-  const bool is_used =
-    given != NULL && check(item, item->name, &given->value, problems);
+  const bool is_good =
+    given == NULL || check(item, item->name, &given->value, problems);
   put_declared(parameters, item->name, item->description, item->settable,
-    is_used ? &given->value : &item->usual);
+    given != NULL && is_good ? &given->value : &item->usual);
+  return is_good;
 }
 
 // The `k`-th constant of all bundles; NULL: there are fewer.
@@ -484,7 +500,7 @@ static const struct fm_parameter * given_constant(
   return NULL;
 }
 
-static void declare_constant(
+static bool declare_constant(
   struct fm_parameters * parameters, const struct fm_constant * constant,
   struct fm_text * problems)
 {
@@ -492,7 +508,8 @@ static void declare_constant(
   struct fm_text name = {NULL, 0, 0};
   fm_text_add(&name, CONSTANTS "%s", constant->name);
   const struct fm_parameter * given = given_constant(parameters, constant);
-  if (given != NULL && !are_equal(&given->value, &value)) {
+  const bool is_good = given == NULL || is_compiled_value(&given->value, &value);
+  if (!is_good) {
     fm_text_join(
       problems, "\n", "parameter '%s': the constant is compiled into this node, as %s: export the "
       "bundle with another value", fm_text_get(&name), constant->value);
@@ -502,6 +519,7 @@ static void declare_constant(
       "a constant of the bundle; compiled into this node", FM_AT_START, &value);
   }
   fm_text_free(&name);
+  return is_good;
 }
 
 static bool is_constant(const struct fm_parameters * parameters, const char * name)
@@ -532,9 +550,10 @@ static void refuse_constant(
   fm_text_free(&all);
 }
 
-static void refuse_unknown_constants(struct fm_parameters * parameters, struct fm_text * problems)
+static bool refuse_unknown_constants(struct fm_parameters * parameters, struct fm_text * problems)
 {
   const struct fm_constant * constant;
+  bool is_good = true;
   uint32_t n = 0;
   while (constant_at(parameters, n) != NULL) {
     ++n;
@@ -550,8 +569,10 @@ static void refuse_unknown_constants(struct fm_parameters * parameters, struct f
     const char * name = parameters->given[k].name;
     if (begins_with(name, CONSTANTS) && !is_constant(parameters, name + strlen(CONSTANTS))) {
       refuse_constant(name, names, n, problems);
+      is_good = false;
     }
   }
+  return is_good;
 }
 
 static void set_level(const struct fm_parameters * parameters)
@@ -565,38 +586,41 @@ static void set_level(const struct fm_parameters * parameters)
   fm_log_set_level(parameters->node, level);
 }
 
-static void refuse_metrics(const struct fm_parameters * parameters, struct fm_text * problems)
+static bool refuse_metrics(const struct fm_parameters * parameters, struct fm_text * problems)
 {
   const struct fm_parameter * given = find(parameters->given, parameters->n_given, "metrics");
-  if (given != NULL && (given->value.type != FM_WORD || given->value.string_value.size > 0)) {
+  const bool is_good = given == NULL ||
+    (given->value.type == FM_WORD && given->value.string_value.size == 0);
+  if (!is_good) {
     fm_text_join(
       problems, "\n", "parameter 'metrics': this node is in C, and serves no figures for "
       "Prometheus; they are on /diagnostics, and `monitor` without native serves them");
   }
+  return is_good;
 }
 
-void fm_parameters_begin(
+bool fm_parameters_begin(
   struct fm_parameters * parameters, struct fm_node * node, const struct fm_node_tables * tables,
   struct fm_text * problems)
 {
   parameters->node = node;
   parameters->tables = tables;
   read_given(parameters);
+  bool is_good = true;
   for (size_t k = 0; k < N_DESCRIBED; ++k) {
-    declare(parameters, &described[k], problems);
+    is_good &= declare(parameters, &described[k], problems);
   }
   const struct fm_constant * constant;
   for (uint32_t k = 0; (constant = constant_at(parameters, k)) != NULL; ++k) {
-    declare_constant(parameters, constant, problems);
+    is_good &= declare_constant(parameters, constant, problems);
   }
-  refuse_unknown_constants(parameters, problems);
-  refuse_metrics(parameters, problems);
-  read_overrides(parameters, problems);
-  if (parameters->memory.is_short) {
-    fm_text_join(problems, "\n", "memory is short");
-  } else {
+  is_good &= refuse_unknown_constants(parameters, problems);
+  is_good &= refuse_metrics(parameters, problems);
+  is_good &= read_overrides(parameters, problems);
+  if (!parameters->memory.is_short) {
     set_level(parameters);
   }
+  return is_good && !parameters->memory.is_short;
 }
 
 // Whether a parameter is one of `monitor` or `gate` that decides which node in C it becomes.
@@ -631,7 +655,7 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
     const char * dot = strrchr(name, '.');
     const char * last = dot == NULL ? name : dot + 1;
     if (fm_parameter_find(parameters, name) != NULL || begins_with(name, CONSTANTS) ||
-      begins_with(name, FM_OVERRIDES))
+      begins_with(name, FM_WORDS_OVERRIDES))
     {
       continue;
     }
@@ -642,8 +666,10 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
           "the bundle is compiled into this node");
       }
     } else if (is_constant(parameters, last)) {
-      fm_log(parameters->node, FM_WARN,
-        "ignored parameter '%s': did you mean '" CONSTANTS "%s'?", name, last);
+      struct fm_text hint = {NULL, 0, 0};
+      fm_text_add(&hint, "did you mean '" CONSTANTS "%s'?", last);
+      fm_log(parameters->node, FM_WARN, FM_WORDS_IGNORED, name, fm_text_get(&hint));
+      fm_text_free(&hint);
     } else {
       warn_of_unknown(parameters, name);
     }
@@ -702,10 +728,12 @@ const char * fm_parameter_hot_path(const struct fm_parameters * parameters)
 }
 
 void fm_parameter_set(
-  struct fm_parameters * parameters, const char * name, const fm_parameter_value * value)
+  struct fm_parameters * parameters, const char * name, fm_parameter_value * value)
 {
   struct fm_parameter * parameter = fm_parameter_find(parameters, name);
-  (void)rcl_interfaces__msg__ParameterValue__copy(value, &parameter->value);
+  const fm_parameter_value before = parameter->value;
+  parameter->value = *value;
+  *value = before;
   if (strcmp(name, "log_level") == 0) {
     set_level(parameters);
   }

@@ -29,7 +29,6 @@
 #include "node_table.h"
 #include "parameter_table.h"
 
-
 typedef rcl_interfaces__msg__ParameterValue fm_parameter_value;
 
 struct fm_parameter
@@ -49,17 +48,18 @@ struct fm_parameters
   size_t n_declared;
   struct fm_parameter * given;  // on the command line, or in files
   size_t n_given;
-  struct fm_memory memory;       // of the next four, and of names; whether it was ever short
+  struct fm_memory memory;        // of the next four, and of names; whether it was ever short
   const struct fm_given * facts;  // what is given
   const char ** subscribed;       // full names of topics
   uint32_t n_subscribed;
-  struct fm_fixed_qos ** fixed;  // a bundle and a topic: the bundle's, or that of `qos_overrides`
-  bool is_configured;           // set by the owner: `configure` has read them
+  struct fm_fixed_qos ** fixed;   // a bundle and a topic: the bundle's, or that of `qos_overrides`
+  bool is_configured;             // set by the owner: `configure` has read them
 };
 
 /// Declare all parameters, with the values that were given. Adds problems to `problems`, one a
-/// line, each with what to write instead.
-void fm_parameters_begin(
+/// line, each with what to write instead. Returns whether there is none: when memory is short, a
+/// line may be missing.
+bool fm_parameters_begin(
   struct fm_parameters * parameters, struct fm_node * node, const struct fm_node_tables * tables,
   struct fm_text * problems);
 
@@ -81,13 +81,13 @@ double fm_parameter_real(const struct fm_parameters * parameters, const char * n
 /// The value of `hot_path`: auto (possibly as an empty text), on or off.
 const char * fm_parameter_hot_path(const struct fm_parameters * parameters);
 
-/// Why a parameter cannot be set to a value now; adds nothing to `reason` if it can.
-void fm_parameter_refuse(
+/// Whether a parameter cannot be set to a value now; adds to `reason` why, unless memory is short.
+bool fm_parameter_refuse(
   const struct fm_parameters * parameters, const char * name,
   const fm_parameter_value * value, struct fm_text * reason);
 
-/// Set a parameter to a value that is not refused; the value is copied. Sets the level of the log.
+/// Exchange a parameter's value for one that is not refused. Sets the level of the log.
 void fm_parameter_set(
-  struct fm_parameters * parameters, const char * name, const fm_parameter_value * value);
+  struct fm_parameters * parameters, const char * name, fm_parameter_value * value);
 
 #endif  // PARAMETERS_H_

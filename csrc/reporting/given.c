@@ -18,6 +18,8 @@
 
 #include <inttypes.h>
 
+#include "words.h"
+
 static void add_value(struct fm_text * text, const struct fm_given * given)
 {
   switch (given->type) {
@@ -33,7 +35,8 @@ static void add_value(struct fm_text * text, const struct fm_given * given)
 void fm_text_refuse(
   struct fm_text * text, const struct fm_given * given, const char * wanted)
 {
-  fm_text_join(text, "\n", "parameter '%s' is ", given->name);
-  add_value(text, given);
-  fm_text_add(text, ", and has to be %s", wanted);
+  struct fm_text value = {NULL, 0, 0};
+  add_value(&value, given);
+  fm_text_join(text, "\n", FM_WORDS_NOT_WANTED, given->name, fm_text_get(&value), wanted);
+  fm_text_free(&value);
 }

@@ -91,8 +91,8 @@ static enum kind kind_of(const struct override * item, const char * endpoint, si
 static struct override read_name(const char * name)
 {
   struct override item = {OTHER, name, 0, NULL};
-  if (begins_with(name, FM_OVERRIDES)) {
-    item.topic = name + strlen(FM_OVERRIDES);
+  if (begins_with(name, FM_WORDS_OVERRIDES)) {
+    item.topic = name + strlen(FM_WORDS_OVERRIDES);
     item.length = strcspn(item.topic, ".");
     const char * endpoint = item.topic + item.length + (item.topic[item.length] != '\0' ? 1 : 0);
     const size_t length = strcspn(endpoint, ".");
@@ -135,7 +135,8 @@ static bool apply(struct fm_fixed_qos * fixed, uint32_t policy, const struct fm_
   return false;
 }
 
-static void check(
+// Returns whether it can be used; adds a line if not.
+static bool check(
   struct fm_lines * lines, const struct fm_given * given, const struct override * item)
 {
   static const char * const TIMED[] = {
@@ -149,40 +150,49 @@ static void check(
   } else if (policy == FM_POLICIES) {
     fm_lines_add(lines, FM_ERROR,
       "parameter '%s' is none: there are reliability, durability, history, depth", given->name);
-  } else if (!apply(&unused, policy, given)) {
+  } else if (apply(&unused, policy, given)) {
+    return true;
+  } else {
     struct fm_text text = {NULL, 0, 0};
     fm_text_refuse(&text, given, POLICIES[policy].wanted);
     fm_lines_add(lines, FM_ERROR, "%s", fm_text_get(&text));
     fm_text_free(&text);
   }
+  return false;
 }
 
 // ---- all that are given ------------------------------------------------------------------------
 
-void fm_check_overrides(
+bool fm_check_overrides(
   struct fm_lines * lines, const struct fm_given * given, uint32_t n,
   const char * const * announced, uint32_t n_announced)
 {
+  bool is_good = true;
   for (uint32_t k = 0; k < n; ++k) {
     const struct override item = read_name(given[k].name);
+    bool is_refused = true;
     if (item.kind == MALFORMED) {
       fm_lines_add(lines, FM_ERROR,
-        "parameter '%s' is none; write '" FM_OVERRIDES "/TOPIC.subscription.POLICY', with the "
-        "topic's full name", given[k].name);
+        "parameter '%s' is none; write '" FM_WORDS_OVERRIDES "/TOPIC.subscription.POLICY', with "
+        "the topic's full name", given[k].name);
     } else if (item.kind == OF_ID) {
       fm_lines_add(lines, FM_ERROR,
         "parameter '%s' is none: subscriptions here have no id, write '.subscription.'",
         given[k].name);
     } else if (item.kind == OF_SUBSCRIPTION) {
-      check(lines, &given[k], &item);
+      is_refused = !check(lines, &given[k], &item);
     } else if (item.kind == OF_PUBLISHER &&
       is_among(item.topic, item.length, announced, n_announced))
     {
       fm_lines_add(lines, FM_ERROR,
         "parameter '%s' cannot be given: violations are announced reliable and volatile; their "
         "depth is -p handler_depth:=NUMBER", given[k].name);
+    } else {
+      is_refused = false;
     }
+    is_good = is_good && !is_refused;
   }
+  return is_good;
 }
 
 void fm_apply_overrides(
@@ -214,20 +224,23 @@ void fm_add_unused_overrides(
   for (uint32_t k = 0; k < n; ++k) {
     const struct override item = read_name(given[k].name);
     if (item.kind == OF_PUBLISHER) {
-      fm_lines_add(lines, FM_WARN, "ignored parameter '%s': only subscriptions can be changed",
-        given[k].name);
+      fm_lines_add(
+        lines, FM_WARN, FM_WORDS_IGNORED, given[k].name, "only subscriptions can be changed");
     } else if (item.kind == OF_SUBSCRIPTION &&
       !is_among(item.topic, item.length, subscribed, n_subscribed))
     {
       struct fm_text topic = {NULL, 0, 0};
       struct fm_text hint = {NULL, 0, 0};
+      struct fm_text why = {NULL, 0, 0};
       fm_text_add(&topic, "%.*s", (int)item.length, item.topic);
       const bool has_hint =
         fm_text_add_hint(&hint, fm_text_get(&topic), subscribed, n_subscribed);
-      fm_lines_add(lines, FM_WARN, "ignored parameter '%s': the topic %s is not subscribed to%s%s",
-        given[k].name, fm_text_get(&topic), has_hint ? "; " : "", fm_text_get(&hint));
+      fm_text_add(&why, "the topic %s is not subscribed to%s%s", fm_text_get(&topic),
+        has_hint ? "; " : "", fm_text_get(&hint));
+      fm_lines_add(lines, FM_WARN, FM_WORDS_IGNORED, given[k].name, fm_text_get(&why));
       fm_text_free(&topic);
       fm_text_free(&hint);
+      fm_text_free(&why);
     }
   }
 }

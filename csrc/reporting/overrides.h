@@ -26,7 +26,6 @@
 #include "given.h"
 #include "subscription.h"
 
-#define FM_OVERRIDES "qos_overrides."  // their names begin with it
 #define FM_POLICIES 4u
 
 /// A policy as a parameter shows it.
@@ -39,8 +38,9 @@ struct fm_shown_policy
 };
 
 /// Add a line about each override that cannot be one, or is of a publisher on a topic on which
-/// violations are announced: `announced` are their full names. O(given * topics).
-FM_EXPORT void fm_check_overrides(
+/// violations are announced: `announced` are their full names. Returns whether there is none: when
+/// memory is short, a line may be missing. O(given * topics).
+FM_EXPORT bool fm_check_overrides(
   struct fm_lines * lines, const struct fm_given * given, uint32_t n,
   const char * const * announced, uint32_t n_announced);
 

@@ -68,6 +68,7 @@
 #define FM_WORDS_READ_ONCE \
   "%s: read when the node is configured, since a step has to mean the same from the first to " \
   "the last; deactivate and clean up first"
+#define FM_WORDS_NOT_WANTED "parameter '%s' is %s, and has to be %s"
 #define FM_WORDS_NO_PARAMETER "there is no parameter '%s'"
 #define FM_WORDS_IGNORED "ignored parameter '%s': %s"
 #define FM_WORDS_ALL_PARAMETERS "this node has %s, constants.NAME"
@@ -83,7 +84,8 @@
 
 // ---- what is given of the quality of service ---------------------------------------------------
 
-#define FM_WORDS_OVERRIDE "qos_overrides.%s.subscription.%s"
+#define FM_WORDS_OVERRIDES "qos_overrides."
+#define FM_WORDS_OVERRIDE "%s.subscription.%s"
 #define FM_WORDS_POLICY "%s of the subscription to %s; read at the start of the process%s"
 
 #endif  // WORDS_H_

@@ -50,6 +50,7 @@ NO_MARGINS_OF_GATES = "parameter 'margins': a gate has no margins"
 COUNT = 'a number of messages, at least 1'
 READ_AT_START = '%s: read at the start of the process only'
 READ_ONCE = '%s: read when the node is configured, since a step has to mean the same from the first to the last; deactivate and clean up first'
+NOT_WANTED = "parameter '%s' is %s, and has to be %s"
 NO_PARAMETER = "there is no parameter '%s'"
 IGNORED = "ignored parameter '%s': %s"
 ALL_PARAMETERS = 'this node has %s, constants.NAME'
@@ -59,7 +60,8 @@ NO_CONSTANTS = 'there are none'
 NO_PRIORITY = 'the priority %d is not possible: %s'
 NO_PROCESSORS = 'to run on the processors %s is not possible: %s'
 NO_LOCKED_MEMORY = 'to lock the memory is not possible: %s'
-OVERRIDE = 'qos_overrides.%s.subscription.%s'
+OVERRIDES = 'qos_overrides.'
+OVERRIDE = '%s.subscription.%s'
 POLICY = '%s of the subscription to %s; read at the start of the process%s'
 
 PARAMETERS = (

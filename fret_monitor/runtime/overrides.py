@@ -24,11 +24,15 @@ from typing import Any, NamedTuple
 from fret_monitor.model.policies import fixed_qos
 from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
-from fret_monitor.runtime.reporting import lines_of, LogLine
+from fret_monitor.runtime.reporting import Lines, lines_of, LogLine
 
 _POLICIES: int = ffi.integer_const('FM_POLICIES')
 _MEMBERS = {type(None): ('FM_UNSET', ''), bool: ('FM_TRUTH', 'is_true'),
             int: ('FM_WHOLE', 'whole'), float: ('FM_REAL', 'real'), str: ('FM_WORD', 'word')}
+
+
+def _texts_of(topics: Collection[str]) -> tuple[list[Any], int]:
+    return [ffi.new('char[]', name.encode(errors='replace')) for name in topics], len(topics)
 
 
 class ShownPolicy(NamedTuple):
@@ -61,16 +65,23 @@ class Overrides:
                         if member else {})
 
     def problems(self, announced: Collection[str] = ()) -> list[LogLine]:
-        """Return a line about each that cannot be used; `announced` are topics of violations."""
-        return self._lines(self._library.fm_check_overrides, announced)
+        """
+        Return a line about each that cannot be used; `announced` are topics of violations.
+
+        Raises MemoryError if one cannot be used, and memory is too short for its line.
+        """
+        lines = Lines(self._library)
+        is_good = self._library.fm_check_overrides(
+            lines.pointer, *self._given, *_texts_of(announced))
+        found = lines.take()
+        if not is_good and not found:
+            raise MemoryError('too little memory for what is wrong with qos_overrides')
+        return found
 
     def unused(self, subscribed: Collection[str]) -> list[LogLine]:
         """Return a line about each that no subscription uses; names of topics are full."""
-        return self._lines(self._library.fm_add_unused_overrides, subscribed)
-
-    def _lines(self, function: Any, topics: Collection[str]) -> list[LogLine]:
-        texts = [ffi.new('char[]', name.encode(errors='replace')) for name in topics]
-        return lines_of(self._library, function, *self._given, texts, len(texts))
+        return lines_of(self._library, self._library.fm_add_unused_overrides, *self._given,
+                        *_texts_of(subscribed))
 
     def apply(self, topic: str, fixed: Mapping[str, str | int]) -> dict[str, str | int]:
         """Return the policies of a subscription: those that are fixed, replaced by overrides."""
@@ -85,5 +96,6 @@ class Overrides:
             item = self._library.fm_show_policy(qos, place)
             texts: list[Any] = [ffi.string(text) for text in (item.name, item.word, item.note)]
             policy, word, note = (text.decode() for text in texts)
-            yield ShownPolicy(policy, word or item.depth, words.OVERRIDE % (topic, policy),
-                              words.POLICY % (policy, topic, note))
+            yield ShownPolicy(
+                policy, word or item.depth, words.OVERRIDES + words.OVERRIDE % (topic, policy),
+                words.POLICY % (policy, topic, note))

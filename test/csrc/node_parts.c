@@ -20,7 +20,10 @@
 
 #include <pthread.h>
 #include <rcl/error_handling.h>
+#include <rcl_interfaces/msg/parameter.h>
+#include <rcl_interfaces/srv/set_parameters_atomically.h>
 #include <rmw/rmw.h>
+#include <rosidl_runtime_c/string_functions.h>
 #include <sensor_msgs/msg/temperature.h>
 #include <stdlib.h>
 #include <string.h>
@@ -28,6 +31,7 @@
 
 #include "check.h"
 #include "monitor_node.h"
+#include "overrides.h"
 #include "seen.h"
 
 enum { FIXED, HEAT };  // topics and inputs, in the order of the bundle
@@ -46,6 +50,9 @@ static bool is_matched_scripted;
 static uint64_t announcer_turns;
 static uint64_t detail_turns;
 static uint32_t n_requests;       // that wait, whatever the service
+static const char * wanted_level;  // NULL, or what the requests set `log_level` to
+static bool is_set;               // by the last of them
+static bool has_no_memory;        // for texts and lines
 
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 static struct fm_text lines;      // of the log
@@ -151,13 +158,20 @@ rcl_ret_t __wrap_rcl_take_request(
 rcl_ret_t __wrap_rcl_take_request(
   const rcl_service_t * service, rmw_request_id_t * id, void * request)
 {
+  rcl_interfaces__srv__SetParametersAtomically_Request * set = request;
   (void)service;
-  (void)request;
   memset(id, 0, sizeof(*id));
   if (n_requests == 0) {
     return RCL_RET_SERVICE_TAKE_FAILED;
   }
   n_requests -= 1u;
+  if (wanted_level != NULL) {
+    CHECK(rcl_interfaces__msg__Parameter__Sequence__init(&set->parameters, 1));
+    rcl_interfaces__msg__Parameter * parameter = set->parameters.data;
+    CHECK(rosidl_runtime_c__String__assign(&parameter->name, "log_level"));
+    CHECK(rosidl_runtime_c__String__assign(&parameter->value.string_value, wanted_level));
+    parameter->value.type = FM_WORD;
+  }
   return RCL_RET_OK;
 }
 
@@ -168,9 +182,21 @@ rcl_ret_t __wrap_rcl_send_response(
 {
   (void)service;
   (void)id;
-  (void)response;
+  if (wanted_level != NULL) {
+    const rcl_interfaces__srv__SetParametersAtomically_Response * set = response;
+    is_set = set->result.successful;
+    CHECK(is_set == (set->result.reason.size == 0));
+    return RCL_RET_OK;
+  }
   rcutils_set_error_state("client will not receive response", "middleware.c", 1);
   return RCL_RET_TIMEOUT;
+}
+
+void * __real_realloc(void * bytes, size_t size);
+void * __wrap_realloc(void * bytes, size_t size);
+void * __wrap_realloc(void * bytes, size_t size)
+{
+  return has_no_memory ? NULL : __real_realloc(bytes, size);
 }
 
 static struct fm_monitor_node node;
@@ -480,6 +506,34 @@ static void a_text_that_was_freed_is_empty(void)
   fm_text_free(&text);
 }
 
+static const char * level(void)
+{
+  return fm_parameter_find(&node.parameters, "log_level")->value.string_value.data;
+}
+
+static bool sets_level(const char * wanted)
+{
+  const struct fm_offered * sets =
+    &node.offered[FM_LIFECYCLE_SERVICES + FM_PARAMETER_SERVICES - 1];
+  n_requests = 1;
+  wanted_level = wanted;
+  sets->serve(&node.node, sets->service, sets->context);
+  wanted_level = NULL;
+  return is_set;
+}
+
+static void what_is_wrong_is_refused_without_memory_for_its_words(void)
+{
+  const struct fm_given given = {
+    .name = "qos_overrides./x.subscription.depth", .type = FM_WHOLE, .whole = 0};
+  struct fm_lines found = {NULL, 0, 0};
+  has_no_memory = true;
+  CHECK(!fm_check_overrides(&found, &given, 1, NULL, 0) && found.n == 0);
+  CHECK(!sets_level("loud") && strcmp(level(), "") == 0);
+  has_no_memory = false;
+  CHECK(!sets_level("loud") && sets_level("error") && strcmp(level(), "error") == 0);
+}
+
 int main(int argc, char ** argv)
 {
   static const struct {const char * name; void (* run)(void);} tests[] = {
@@ -495,6 +549,7 @@ int main(int argc, char ** argv)
     {"clock", a_missing_clock_is_logged_once},
     {"life", a_thread_that_hangs_ends_the_signs_of_life},
     {"response", a_response_that_cannot_be_sent_is_logged},
+    {"memory", what_is_wrong_is_refused_without_memory_for_its_words},
     {"text", a_text_that_was_freed_is_empty},
   };
   const int status = fm_monitor_node_begin(

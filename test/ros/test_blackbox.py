@@ -346,7 +346,9 @@ def test_messages_of_a_topic_with_several_where_are_in_the_file_once(
 
 @pytest.mark.parametrize('node', NODES)
 def test_a_folder_that_cannot_be_written_is_an_error_of_configure(
-        tmp_path: Path, domain: int, node: str) -> None:
+        tmp_path: Path, domain: int, node: str, monkeypatch: pytest.MonkeyPatch) -> None:
     spec = write_bundle(tmp_path, BUNDLE)
+    monkeypatch.setenv('HOME', '/')
+    monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path))
     assert f"parameter 'blackbox': cannot write to the folder '{spec}/box': Not a directory" \
-        in start(node, spec, '-p', f'blackbox:={tmp_path}//./{spec.name}/box/').error()
+        in start(node, spec, '-p', f'blackbox:=~{tmp_path}//./{spec.name}/box/').error()

@@ -113,7 +113,8 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
 ) -> None:
     with running(exported_bundle(faults), '-r', '__node:=exported', '-p', 'handler_depth:=10',
                  '-p', 'spec:=other.yaml', '-p', 'constants.limit:=0.7', '-p', 'odd:=1',
-                 '-p', 'constant.most:=1', '-p', 'frame_id:=map') as node:
+                 '-p', 'constants.most:=18446744073709551615', '-p', 'constant.most:=1',
+                 '-p', 'frame_id:=map') as node:
         assert ("not monitored here: the gate 'numbers' judges KEPT. Run it: ros2 run fret_monitor"
                 ' gate --ros-args -p library:=FOLDER, of each gate') in node.output
         assert "ignored parameter 'spec': the bundle is compiled into this node" in node.output

@@ -22,6 +22,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 import re
+from types import SimpleNamespace
 from typing import Any
 
 from fret_monitor.model.diagnostics import did_you_mean
@@ -73,6 +74,15 @@ def test_an_override_beats_the_bundle_and_leaves_other_topics_alone() -> None:
     assert overrides.apply('/y', bundle) == {'reliability': 'best_available', 'depth': 5, **others}
     assert overrides.apply('/z', bundle) == bundle | others
     assert overrides.apply('/z', {}) == {'reliability': 'best_available', 'depth': 100, **others}
+
+
+def test_a_refusal_without_memory_for_its_line_is_no_consent() -> None:
+    library = load_evaluator(evaluator_library())
+    overrides = Overrides(SimpleNamespace(
+        fm_check_overrides=lambda *_: False, fm_lines_clear=library.fm_lines_clear,
+        fm_lines_free=library.fm_lines_free), {})
+    with pytest.raises(MemoryError):
+        overrides.problems()
 
 
 @pytest.mark.parametrize('topic', [

@@ -111,7 +111,7 @@ class Parameters:
         They are no error: a file with the wildcard `/**` also has parameters of other nodes.
         """
         return [name for name in self._node._parameter_overrides
-                if not name.startswith('qos_overrides.') and not self._constants.has(name)
+                if not name.startswith(words.OVERRIDES) and not self._constants.has(name)
                 and name not in KNOWN and not self._node.has_parameter(name)]
 
     def _hint(self, name: str) -> str:
@@ -134,7 +134,7 @@ class Parameters:
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         """Refuse values that cannot be used, and changes that are not possible now."""
-        overrides = [item.name for item in parameters if item.name.startswith('qos_overrides.')
+        overrides = [item.name for item in parameters if item.name.startswith(words.OVERRIDES)
                      and self._node.has_parameter(item.name)]
         if overrides:
             return SetParametersResult(

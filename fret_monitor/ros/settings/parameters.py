@@ -208,8 +208,7 @@ class Given:
 
     def refuse(self, name: str, wanted: str) -> None:
         """Note that a value has to be another."""
-        self.problems.append(
-            f"parameter '{name}' is {_shown(self.values[name])}, and has to be {wanted}")
+        self.problems.append(words.NOT_WANTED % (name, _shown(self.values[name]), wanted))
 
     def checked(self, name: str) -> Any:
         """Return the value of a parameter, or its default if the value cannot be used."""
@@ -240,10 +239,9 @@ class Given:
         wrong = [item for item in listed
                  if not isinstance(item, str) or not item and listed != ['']]
         if wrong:
-            self.problems.append(
-                f"parameter '{name}' is {_listed(listed) if is_list else _shown(value)}, and has "
-                'to be a path or a list of paths; '
-                f"quote it: -p '{name}:=\"{_written(wrong[0])}\"'")
+            self.problems.append(words.NOT_WANTED % (
+                name, _listed(listed) if is_list else _shown(value), 'a path or a list of paths; '
+                f"quote it: -p '{name}:=\"{_written(wrong[0])}\"'"))
             return []
         return [item for item in listed if item]
 
