@@ -285,9 +285,11 @@ def _with_topic_keys(entry: InputEntry, shape: Shape, problems: Problems) -> Inp
         damaged |= {'type'}
         kind = 'input' if entry.block is None else 'topic'
         is_plain = entry.block is None and shape.lacks('topic')
+        of_truth = '' if entry.block else 'bool' if is_plain else 'std_msgs/msg/Bool'
         problems.error(
             f'the {kind} {shown(entry.name.value)} has no type', entry.name.span,
-            help='type: float64' if is_plain else 'type: std_msgs/msg/Float32')
+            of_truth and f'{of_truth} if it is true or false',
+            'type: float64' if is_plain else 'type: std_msgs/msg/Float32')
     _check_times(entry, shape, problems)
     return replace(entry, damaged=damaged)
 

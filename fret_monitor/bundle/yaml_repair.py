@@ -36,6 +36,7 @@ _KEY = re.compile(
 _NEXT_KEY = re.compile(r',[ \t]*[A-Za-z_]\w*[ \t]*:(?:[ \t]|$)')
 _TAB = re.compile(r'[ ]*(?:-[ ]*)*(\t)')
 _QUOTE_WITHIN = re.compile(r"""(?:"[^"]*"|'[^']*')\w""")
+_ITEM = re.compile('^ *- ', re.MULTILINE)
 _CLOSERS = {'(': ')', '[': ']', '{': '}'}
 _MARKS = {
     '!': 'starts a tag', '&': 'starts an anchor', '*': 'starts an alias', '#': 'starts a comment',
@@ -188,6 +189,10 @@ class YamlRepair:
         if start is None or len(self.unread) >= limit or 'escape' in fault:
             at = opened if 'simple key' in fault or 'flow' in fault else place
             label = next((text for part, text in _LABELS.items() if part in fault), fault.strip())
+            text = self._source.text
+            if 'expected' in fault and text.startswith('- ', place) and _ITEM.search(
+                    text, 0, place):
+                label = "indent this '-' like the '-' above"
             self._error('not valid YAML', at, label)
             return False
         self._report_value(fault, start, place)

@@ -199,9 +199,13 @@ def _explain_time(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnost
 
 
 def _explain_open_bound(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
-    """Report a bound that is not closed where an operand begins: H[0,10 p."""
+    """Report a bound without its comma, or not closed where an operand begins: H[0,10 p."""
     found, opened = lexemes[index], _lalr.open_brackets(lexemes[:index])
     is_operand = found.type in _lalr.OPERAND_STARTS
+    before = [lexeme.type for lexeme in lexemes[max(index - 2, 0):index]]
+    if before == ['LBRACK', 'NUMBER'] and found.type == 'NUMBER':
+        ends = join(lexemes[index - 1].span, found.span)
+        return Diagnostic("a ',' is missing", ends, 'between the ends of a bound')
     if not opened or opened[-1].type != 'LBRACK' or not is_operand or (
             lexemes[index - 1].type not in _lalr.OPERAND_ENDS
             or lexemes[index + 1].type in ('COMMA', 'RBRACK')):
