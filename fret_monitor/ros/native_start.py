@@ -49,10 +49,12 @@ def become_native(arguments: Sequence[str], node: str = MONITOR) -> str:
     """
     if not any('native' in item or item == '--params-file' for item in arguments):
         return ''
-    from fret_monitor.ros.settings.arguments import given_parameters, NotUnderstood
+    from fret_monitor.ros.settings.arguments import (
+        given_parameters, NotUnderstood, SeveralTypes,
+    )
     try:
         given = given_parameters(arguments[1:], node)
-    except NotUnderstood:
+    except (NotUnderstood, SeveralTypes):
         return ''
     return _become(arguments, given, node) if given.get('native') is True else ''
 

@@ -30,6 +30,7 @@ from typing import cast
 
 from fret_monitor.model.output import drop_output
 from fret_monitor.native import words
+from fret_monitor.ros.settings.arguments import refuse_several_types, SeveralTypes
 from fret_monitor.ros.settings.parameters import (
     GATE_PARAMETERS, LOGGER_PARAMETERS, MONITOR_PARAMETERS, Refusal,
 )
@@ -68,10 +69,11 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest,
         own = remove_ros_args(sys.argv)[1:]
         if own:
             return _print_usage(name, own[0])
+        refuse_several_types(sys.argv[1:], f'fret_{name}')
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         return _run(make_node, stop, not_native)
     except (_rclpy.RCLError, _rclpy.UnknownROSArgsError, InvalidParameterTypeException,
-            Refusal) as error:
+            Refusal, SeveralTypes) as error:
         if not (problem := _problem(error, name)):
             raise
         print(problem, file=sys.stderr)
@@ -88,6 +90,9 @@ def _problem(error: Exception, name: str) -> str:
     match error:
         case Refusal():
             return text
+        case SeveralTypes():
+            return f"error: parameter '{text}' is given values of several types, and ROS does " \
+                'not keep which is the last: give it once, or all as one type, such as 2.0'
         case InvalidParameterTypeException():
             return f'error: {_wrong_type(text)}'
         case _rclpy.UnknownROSArgsError():

@@ -362,8 +362,6 @@ ENTRIES: Sequence[Sequence[str]] = [
     [to('/**', -1), to(OWN, -2), to('/**', -3, -3)], [to(OWN, -2), '-p handler_depth:=-1'],
     ['-p handler_depth:=-1', to(OWN, -2)], [to('/**', -1) + to(OWN, -2), '-p handler_depth:=-3'],
     ['-p fret_monitor:handler_depth:=-1', to('/**', -2, -2), '--param other:blackbox_bytes:=-1'],
-    # If they have several types, the last one need not count.
-    [to(OWN, -2, 'text', '[a]'), to(OWN, 'text', -2, 'b')],
     # Names after remapping: the first rule counts, and a rule may be for another node.
     ['-r __node:=n -p n:handler_depth:=-1 -p fret_monitor:handler_depth:=-2'],
     ['-r __node:=n --remap __name:=m', to('n', -1) + to('m', -2)],
@@ -415,3 +413,14 @@ def test_lists_are_given_and_other_arguments_are_left_to_the_node_in_python() ->
     for wrong in (['-p', 'a:=1'], ['--ros-args', '--', 'x']):
         with pytest.raises(NotUnderstood):
             given_parameters(wrong, MONITOR)
+
+
+@pytest.mark.parametrize(('name', 'given'), [
+    ('monitor', ['-p', 'native:=true', '-p', 'handler_depth:=3']), ('gate', []), ('logger', [])])
+def test_values_of_several_types_are_refused_since_the_last_need_not_count(
+    tmp_path: Path, domain: int, name: str, given: Sequence[str],
+) -> None:
+    file = tmp_path / 'depth.yaml'
+    file.write_text('/**: {ros__parameters: {handler_depth: 5}}\n', encoding='utf-8')
+    said = NodeProcess(name, *given, '--params-file', str(file), '-p', 'handler_depth:=x').error()
+    assert said.startswith("error: parameter 'handler_depth' is given values of several types")

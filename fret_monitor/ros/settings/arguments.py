@@ -20,9 +20,11 @@ reads them again: what is found here only decides which program that is.
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from ctypes import (
     c_bool, c_double, c_int64, c_size_t, c_void_p, CDLL, sizeof, string_at, Structure,
 )
+from itertools import pairwise
 from os import fsdecode, fsencode
 import re
 from typing import Any
@@ -38,6 +40,10 @@ class NotUnderstood(Exception):
     """Arguments that are for the node to refuse."""
 
 
+class SeveralTypes(Exception):
+    """A parameter has values of several types; rcl then takes one that need not be the last."""
+
+
 class _Allocator(Structure):
     _fields_ = (('functions', c_void_p * 5),)
 
@@ -47,7 +53,7 @@ def given_parameters(arguments: Sequence[str], node_name: str) -> dict[str, Any]
     Return the parameters that the arguments give a node, by name.
 
     Raises `NotUnderstood` if there are other arguments than those of ROS, a value or file cannot
-    be read, or the library of rcl is not found.
+    be read, or the library of rcl is not found; `SeveralTypes` with the name of a parameter.
     """
     flags = list(_flags(arguments))
     rules = [value for flag, value in flags if flag in _RULE]
@@ -61,8 +67,20 @@ def given_parameters(arguments: Sequence[str], node_name: str) -> dict[str, Any]
         if re.fullmatch(expression, full_name):
             names, values, n_given, _ = _words(nodes + k * _OF_NODE * _WORD, _OF_NODE)
             for at, given in enumerate(_texts(names, n_given)):
-                found[given] = _value(values + at * _OF_VALUE * _WORD)
+                value = values + at * _OF_VALUE * _WORD
+                if sum(map(bool, _words(value, _OF_VALUE))) > 1:
+                    raise SeveralTypes(given)
+                found[given] = _value(value)
     return found
+
+
+def refuse_several_types(arguments: Sequence[str], node_name: str) -> None:
+    """Raise `SeveralTypes` if a parameter is given values of several types."""
+    names = [value.partition(':=')[0]
+             for flag, value in pairwise(arguments) if flag in _PARAMETER]
+    if len(names) > len(set(names)) or _FILE in arguments:
+        with suppress(NotUnderstood):
+            given_parameters(arguments, node_name)
 
 
 def _flags(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
