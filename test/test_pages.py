@@ -556,15 +556,17 @@ def test_times_and_counts_in_words_are_those_of_the_program() -> None:
     assert f'Up to {COUNTS[overview.MOST_SHOWN]} of each are drawn' in text_of('recordings.md')
 
 
-def test_the_page_on_design_names_every_file_of_c_in_its_folder() -> None:
-    rows = {words(folder)[0].rstrip('/'): holds for folder, holds in
-            table('design.md', 'folder', 'holds')}
-    assert set(rows) == {path.name for path in (ROOT / 'csrc').iterdir() if path.is_dir()}
-    missing = [f'{folder}/{path.name}' for folder in ('evaluator', 'engine', 'reporting', 'traces')
-               for path in sorted((ROOT / 'csrc' / folder).glob('*.c'))
-               if f'`{path.name}`' not in rows[folder]
-               and f'`{path.stem}.h`' not in rows[folder]]
-    assert missing == []
+def test_the_page_on_design_names_every_file_of_a_room() -> None:
+    rows = {words(row[0])[0].rstrip('/') for row in table('design.md', 'folder', 'holds')}
+    assert rows == {path.name for path in (ROOT / 'csrc').iterdir() if path.is_dir()}
+    folders = {f'csrc/{folder}': '*.c' for folder in rows if folder not in ('generated', 'export')}
+    folders |= {f'fret_monitor/ros/{path.parent.name}': '[!_]*.py' for path in
+                (ROOT / 'fret_monitor/ros').glob('*/__init__.py')}
+    for folder, pattern in folders.items():
+        named = [name for row in table('design.md', f'`{folder.removeprefix("fret_monitor/")}/`')
+                 for name in words(row[0])]
+        assert [path.name for path in sorted((ROOT / folder).glob(pattern))
+                if path.name not in named] == [], folder
 
 
 # -- what was measured ---------------------------------------------------------------------------

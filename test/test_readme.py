@@ -125,8 +125,9 @@ def test_the_commands_of_a_page_print_what_it_says(
 
 def test_the_readme_installs_the_packages_of_the_extras() -> None:
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
-    lists = re.findall(r'^(?:BAG|PROVE|ANALYZE) = \[.*?^\]|^Z3 = .*?$', setup,
-                       re.MULTILINE | re.DOTALL)
+    lists = re.findall(
+        r'^(?:BAG|PROVE|ANALYZE|STUDIO|LSP|METRICS|XLSX) = \[.*?^\]|^Z3 = .*?$', setup,
+        re.MULTILINE | re.DOTALL)
     needed = set(re.findall(r"'([\w-]+)>=", ''.join(lists)))
     readme = PAGES[0].read_text(encoding='utf-8')
     commands = [shlex.split(command)
