@@ -16,8 +16,6 @@
 
 #include "endpoints.h"
 
-#include "words.h"
-
 #include <rcl/error_handling.h>
 #include <rcl/graph.h>
 #include <rcl/service.h>

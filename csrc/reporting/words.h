@@ -65,9 +65,7 @@
 #define FM_WORDS_NO_MARGINS_OF_GATES "parameter 'margins': a gate has no margins"
 #define FM_WORDS_COUNT "a number of messages, at least 1"
 #define FM_WORDS_READ_AT_START "%s: read at the start of the process only"
-#define FM_WORDS_READ_ONCE \
-  "%s: read when the node is configured, since a step has to mean the same from the first to " \
-  "the last; deactivate and clean up first"
+#define FM_WORDS_READ_ONCE "%s: read when the node is configured, so deactivate and clean up first"
 #define FM_WORDS_NOT_WANTED "parameter '%s' is %s, and has to be %s"
 #define FM_WORDS_NO_PARAMETER "there is no parameter '%s'"
 #define FM_WORDS_IGNORED "ignored parameter '%s': %s"

@@ -168,6 +168,14 @@ class Asked:
                              SetParameters.Request(parameters=messages)).results
         return [(item.successful, item.reason) for item in found]
 
+    def refusals(self, *pairs: tuple[str, object]) -> list[str]:
+        """Return the reasons for which nothing of a request of all at once is set."""
+        messages = [Parameter(name=name, value=value(given)) for name, given in pairs]
+        found = self.of_both(SetParametersAtomically, 'set_parameters_atomically',
+                             SetParametersAtomically.Request(parameters=messages)).result
+        assert not found.successful
+        return str(found.reason).split('; ')
+
 
 def test_both_nodes_have_the_same_parameters_and_refuse_changes_in_the_same_words(
     partner: Partner, bundle: Path,
@@ -192,16 +200,15 @@ def test_both_nodes_have_the_same_parameters_and_refuse_changes_in_the_same_word
             (False, 'autostart: read at the start of the process only'),
             (False, "parameter 'use_sim_time' is 3, and has to be true or false")]
         assert "parameter 'log_level' is not set, and has to be one of debug" in said[4][1]
+        # In the order of the request, which is not that of the table, nor by kinds of reasons.
+        assert asked.refusals(*wrong, ('nothing', 1)) == [
+            *(reason for _, reason in said), said[0][1]]
         assert asked.set_to(('handler_depth', 5), ('blackbox_seconds', 3), ('hot_path', 'auto')
                             ) == [(True, '')] * 3
         for name in NAMES:
             assert Manager(partner, f'/{name}/fret_monitor').ask(CONFIGURE) == [True]
-        both_read = asked.of_both(
-            SetParametersAtomically, 'set_parameters_atomically',
-            SetParametersAtomically.Request(parameters=[
-                Parameter(name=name, value=value(5))
-                for name in ('handler_depth', 'blackbox_files')])).result
-        assert not both_read.successful
-        assert [item.partition(':')[0] for item in both_read.reason.split('clean up first')] == [
-            'handler_depth', '; blackbox_files', '']
+        once = ': read when the node is configured, so deactivate and clean up first'
+        assert asked.refusals(
+            ('log_level', 'loud'), ('handler_depth', 5), ('nothing', 1), ('blackbox_files', 5)
+        ) == [said[3][1], f'handler_depth{once}', said[0][1], f'blackbox_files{once}']
         assert asked.set_to(('log_level', 'warn')) == [(True, '')]

@@ -72,13 +72,15 @@ def test_parameters_read_by_configure_change_only_before_it_and_then_take_effect
         assert set_to(partner, policy='sometimes')[0] == (
             False, "parameter 'policy' is 'sometimes', and has to be one of every_message, "
                    'relevant_message, all_inputs, periodic, timed')
+        assert set_to(partner, spec=None)[0] == (
+            False, "parameter 'spec' is not set, and has to be a path or a list of paths")
         assert set_to(partner, spec=str(bundle), policy='periodic', rate=20) == [(True, '')] * 3
         assert set_to(partner, period=0.5)[0] == (
             False, "parameters 'period' and 'rate' are both given: give one of them")
         assert manager.ask(CONFIGURE) == [True]
         (successful, reason), = set_to(partner, spec='other.yaml')
         assert not successful
-        assert reason.startswith('spec: read when the node is configured, since a step has to')
+        assert reason.startswith('spec: read when the node is configured, so ')
         assert reason.endswith('deactivate and clean up first')
         assert manager.ask(ACTIVATE) == [True]
         node.wait_for('policy periodic, 0.05 s, ')

@@ -109,8 +109,8 @@ class MonitorNode(ClockNode, LifecycleNode):
     def set_parameters_atomically(
             self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters, or say why not in the words of the node in C."""
-        return self._declared.refusal(parameter_list) or \
-            super().set_parameters_atomically(parameter_list)
+        checked = self._declared.check(parameter_list)
+        return super().set_parameters_atomically(parameter_list) if checked.successful else checked
 
     # rclpy calls these methods at transitions.
 

@@ -61,7 +61,9 @@ class Parameters:
         self._names_of_constants: set[str] = set()
         self._refuse_values()
         self._set_level()
-        node.add_on_set_parameters_callback(self._check)
+        # It is called with those that are about to be declared, too.
+        node.add_on_set_parameters_callback(lambda parameters: self.check(
+            item for item in parameters if node.has_parameter(item.name)))
         node.add_post_set_parameters_callback(lambda _: self._set_level())
 
     def _refuse_values(self) -> None:
@@ -120,32 +122,22 @@ class Parameters:
             return suggestion([CONSTANTS + constant])
         return did_you_mean(name, self._table) or words.ALL_PARAMETERS % ', '.join(self._table)
 
-    def refusal(self, parameters: list[Parameter]) -> SetParametersResult | None:
-        """Return why parameters cannot be set, where rclpy would say it in words of its own."""
-        given = Given({item.name: item.value for item in parameters})
-        for name, value in given.values.items():
-            if not self._node.has_parameter(name):
-                given.problems.append(words.NO_PARAMETER % name)
-            elif self._node.describe_parameter(name).read_only:
-                given.problems.append(words.READ_AT_START % name)
-            elif name == 'use_sim_time' and not isinstance(value, bool):
-                given.refuse(name, 'true or false')
-        return _result(given.problems) if given.problems else None
+    def check(self, parameters: Iterable[Parameter]) -> SetParametersResult:
+        """Refuse changes that are not possible now, and values that cannot be used, in order."""
+        new = [(item.name, item.value) for item in parameters]
+        problems = [text for name, value in new for text in self._problems(name, value)]
+        return _result(problems or _problems_of(self.values() | dict(new)))
 
-    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Refuse values that cannot be used, and changes that are not possible now."""
-        overrides = [item.name for item in parameters if item.name.startswith(words.OVERRIDES)
-                     and self._node.has_parameter(item.name)]
-        if overrides:
-            return SetParametersResult(
-                successful=False, reason=words.READ_AT_START % ', '.join(overrides))
-        new = {item.name: item.value for item in parameters if item.name in self._table
-               or self._constants.has(item.name)}
-        if self._is_configured() and (fixed := [name for name in new if name != 'log_level']):
-            return _result(words.READ_ONCE % name for name in fixed)
-        given = Given(self.values() | new)
-        check_settings(given)
-        return _result(given.problems)
+    def _problems(self, name: str, value: Any) -> list[str]:
+        if not self._node.has_parameter(name):
+            return [words.NO_PARAMETER % name]
+        # Overrides are undeclared again, and so not read-only.
+        if self._node.describe_parameter(name).read_only or name.startswith(words.OVERRIDES):
+            return [words.READ_AT_START % name]
+        is_known = name in self._table or self._constants.has(name)
+        if is_known and name != 'log_level' and self._is_configured():
+            return [words.READ_ONCE % name]
+        return _problems_of({name: value})
 
     def _set_level(self) -> None:
         self._node.get_logger().set_level(
@@ -165,6 +157,14 @@ def _knowing_types(set_parameters: Callable[[Any, Any], Any]) -> Callable[[Any, 
         return set_parameters(request, response)
 
     return answer
+
+
+def _problems_of(values: Mapping[str, Any]) -> list[str]:
+    given = Given(values)
+    check_settings(given)
+    if not isinstance(given.values.get('use_sim_time', False), bool):
+        given.refuse('use_sim_time', 'true or false')
+    return given.problems
 
 
 def _result(problems: Iterable[str]) -> SetParametersResult:

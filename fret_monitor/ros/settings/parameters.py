@@ -239,9 +239,11 @@ class Given:
         wrong = [item for item in listed
                  if not isinstance(item, str) or not item and listed != ['']]
         if wrong:
+            hint = '' if wrong[0] is None else \
+                f"; quote it: -p '{name}:=\"{_written(wrong[0])}\"'"
             self.problems.append(words.NOT_WANTED % (
-                name, _listed(listed) if is_list else _shown(value), 'a path or a list of paths; '
-                f"quote it: -p '{name}:=\"{_written(wrong[0])}\"'"))
+                name, _listed(listed) if is_list else _shown(value),
+                f'a path or a list of paths{hint}'))
             return []
         return [item for item in listed if item]
 
