@@ -29,6 +29,7 @@
 
 // rcl's own handler and the levels of rcutils are for one thread at a time.
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
+static uint32_t n_errors;
 
 static void write_line(
   const rcutils_log_location_t * location, int severity, const char * name,
@@ -93,6 +94,7 @@ void fm_log(const struct fm_node * node, enum fm_level level, const char * forma
   struct fm_text text = {NULL, 0, 0};
   va_list arguments;
   pthread_mutex_lock(&mutex);
+  n_errors += level == FM_ERROR ? 1u : 0u;
   const bool is_enabled = rcutils_logging_logger_is_enabled_for(name, severities[level]);
   pthread_mutex_unlock(&mutex);
   if (!is_enabled) {
@@ -101,7 +103,8 @@ void fm_log(const struct fm_node * node, enum fm_level level, const char * forma
   va_start(arguments, format);
   fm_text_add_arguments(&text, format, arguments);
   va_end(arguments);
-  write_text(severities[level], name, "%s", fm_text_get(&text));
+  write_text(
+    severities[level], name, "%s", text.bytes == NULL ? FM_NO_MEMORY : fm_text_get(&text));
   fm_text_free(&text);
 }
 
@@ -115,8 +118,17 @@ void fm_log_lines(const struct fm_node * node, struct fm_lines * lines)
 
 void fm_log_failure(const struct fm_node * node, const char * what)
 {
-  fm_log(node, FM_ERROR, "%s: %s", what, rcl_get_error_string().str);
+  fm_log(node, FM_ERROR, "%s: %s", what,
+    rcl_error_is_set() ? rcl_get_error_string().str : FM_NO_MEMORY);
   rcl_reset_error();
+}
+
+uint32_t fm_log_errors(void)
+{
+  pthread_mutex_lock(&mutex);
+  const uint32_t n = n_errors;
+  pthread_mutex_unlock(&mutex);
+  return n;
 }
 
 void fm_ignore(rcl_ret_t result)

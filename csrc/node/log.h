@@ -51,7 +51,12 @@ FM_PRINTF(3, 4);
 /// Log the lines of a list, and free it: it is empty afterwards.
 void fm_log_lines(const struct fm_node * node, struct fm_lines * lines);
 
-/// Log the error of rcl after a text, and clear it.
+/// How many errors this process has logged, also below the least severity.
+uint32_t fm_log_errors(void);
+
+#define FM_NO_MEMORY "memory is short"
+
+/// Log the error of rcl after a text, and clear it; if there is none, memory was short.
 void fm_log_failure(const struct fm_node * node, const char * what);
 
 /// Clear the error of rcl, or of what it stands on, if a call has failed: nothing depends on it.

@@ -284,7 +284,8 @@ static void parameter_changed(void * context, const struct fm_parameter * parame
 
 static int fail(const char * what)
 {
-  fprintf(stderr, "error: %s: %s\n", what, rcl_get_error_string().str);
+  fprintf(stderr, "error: %s: %s\n", what,
+    rcl_error_is_set() ? rcl_get_error_string().str : FM_NO_MEMORY);
   rcl_reset_error();
   return 1;
 }
@@ -322,8 +323,10 @@ static int begin_node(struct fm_monitor_node * monitor)
   const rcl_node_options_t options = rcl_node_get_default_options();
   monitor->sessions = calloc(monitor->tables->n, sizeof(*monitor->sessions));
   monitor->healths = calloc(monitor->tables->n, sizeof(*monitor->healths));
-  monitor->has_log = monitor->sessions != NULL && monitor->healths != NULL &&
-    fm_log_begin(&monitor->node);
+  if (monitor->sessions == NULL || monitor->healths == NULL) {
+    return fail("the node cannot be made");
+  }
+  monitor->has_log = fm_log_begin(&monitor->node);
   if (!monitor->has_log) {
     return fail("ROS cannot make its folder of logs: set HOME, or ROS_LOG_DIR to a folder that "
              "can be written");
@@ -354,7 +357,7 @@ static int begin_parameters(struct fm_monitor_node * monitor)
   if (is_good) {
     fm_parameters_warn_of_overrides(&monitor->parameters);
   } else if (problems.length == 0) {
-    fprintf(stderr, "error: memory is short\n");
+    fprintf(stderr, "error: " FM_NO_MEMORY "\n");
   }
   fm_text_free(&problems);
   return is_good ? 0 : 1;

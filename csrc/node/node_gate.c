@@ -30,7 +30,7 @@
 
 static bool refuse_without_memory(const struct fm_node * node)
 {
-  fm_log(node, FM_ERROR, "the gate cannot be made: memory is short");
+  fm_log(node, FM_ERROR, "the gate cannot be made: " FM_NO_MEMORY);
   return false;
 }
 

@@ -80,9 +80,15 @@ void fm_lifecycle_end(struct fm_lifecycle * lifecycle)
   fm_ignore(rcl_lifecycle_state_machine_fini(&lifecycle->machine, &lifecycle->node->node));
 }
 
-// The reason of a failure is logged already.
-static bool note(const struct fm_lifecycle * lifecycle, bool is_done)
+// The reason of a failure is logged already, unless memory was short. `errors`: before it.
+static bool note(const struct fm_lifecycle * lifecycle, uint32_t errors, bool is_done)
 {
+  const bool is_configured = lifecycle->machine.current_state->id !=
+    lifecycle_msgs__msg__State__TRANSITION_STATE_CONFIGURING;
+  if (!is_done && fm_log_errors() == errors) {
+    fm_log_failure(lifecycle->node,
+      is_configured ? "the node cannot be activated" : "the node cannot be configured");
+  }
   if (!is_done && lifecycle->logs_failures) {
     fm_log(lifecycle->node, FM_ERROR, FM_WORDS_INACTIVE);
   }
@@ -92,11 +98,12 @@ static bool note(const struct fm_lifecycle * lifecycle, bool is_done)
 static bool work(struct fm_lifecycle * lifecycle)
 {
   const struct fm_transitions * transitions = &lifecycle->transitions;
+  const uint32_t errors = fm_log_errors();
   switch (lifecycle->machine.current_state->id) {
     case lifecycle_msgs__msg__State__TRANSITION_STATE_CONFIGURING:
-      return note(lifecycle, transitions->configure(transitions->context));
+      return note(lifecycle, errors, transitions->configure(transitions->context));
     case lifecycle_msgs__msg__State__TRANSITION_STATE_ACTIVATING:
-      return note(lifecycle, transitions->activate(transitions->context));
+      return note(lifecycle, errors, transitions->activate(transitions->context));
     case lifecycle_msgs__msg__State__TRANSITION_STATE_DEACTIVATING:
       transitions->deactivate(transitions->context);
       return true;
@@ -368,7 +375,7 @@ static void set_all(
   if (result->successful && wanted->size > 0) {
     publish_changes(services, wanted);
   }
-  assign(&result->reason, !result->successful && reason.length == 0 ? "memory is short" :
+  assign(&result->reason, !result->successful && reason.length == 0 ? FM_NO_MEMORY :
     fm_text_get(&reason));
   fm_text_free(&reason);
 }

@@ -279,7 +279,7 @@ static bool make_engine(struct fm_session * session)
   if (session->engine == NULL || (table->n_transforms > 0 && !fm_engine_follow_transforms(
       session->engine, table->transforms, table->n_transforms, table->tf, table->tf_static)))
   {
-    fm_log(session->node, FM_ERROR, "the engine cannot be made: memory is short");
+    fm_log(session->node, FM_ERROR, "the engine cannot be made: " FM_NO_MEMORY);
     return false;
   }
   return follow_derived(session) && fm_node_gate_guard(

@@ -142,7 +142,7 @@ bool fm_topic_open(
   struct fm_text problem = {NULL, 0, 0};
   topic->state = fm_subscription_create(topic->name, type, &session->fixed[index]);
   if (topic->state == NULL) {
-    fm_text_add(&problem, "memory is short");
+    fm_text_add(&problem, FM_NO_MEMORY);
   } else if (topic->is_found) {
     (void)fm_look_for_publishers(session->node, name, begin, topic->state);
   }
@@ -227,7 +227,7 @@ static bool replace(
   struct fm_intake * retired =
     realloc(topic->retired, (topic->n_retired + 1u) * sizeof(*retired));
   if (retired == NULL) {
-    fm_text_add(problem, "memory is short");
+    fm_text_add(problem, FM_NO_MEMORY);
     return false;
   }
   topic->retired = retired;
@@ -308,7 +308,7 @@ static bool open_topic(
   struct fm_session * session = bound->session;
   struct fm_bound_topic * item = name == NULL ? NULL : add(bound, name);
   if (item == NULL) {
-    fm_log(session->node, FM_ERROR, "cannot subscribe to %s as %s: memory is short",
+    fm_log(session->node, FM_ERROR, "cannot subscribe to %s as %s: " FM_NO_MEMORY,
       session->topic_names[topic], session->table->report.topics[topic].type);
     return false;
   }
@@ -371,7 +371,7 @@ static bool make_watch(struct fm_bound_topics * bound)
   const bool is_good = patterns != NULL && (n == 0 || bound->watch != NULL);
   free(patterns);
   if (!is_good) {
-    fm_log(session->node, FM_ERROR, "cannot look at the graph of ROS: memory is short");
+    fm_log(session->node, FM_ERROR, "cannot look at the graph of ROS: " FM_NO_MEMORY);
   }
   return is_good;
 }

@@ -53,6 +53,7 @@ static uint32_t n_requests;       // that wait, whatever the service
 static const char * wanted_level;  // NULL, or what the requests set `log_level` to
 static bool is_set;               // by the last of them
 static bool has_no_memory;        // for texts and lines
+static bool fails_to_review;
 
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 static struct fm_text lines;      // of the log
@@ -190,6 +191,23 @@ rcl_ret_t __wrap_rcl_send_response(
   }
   rcutils_set_error_state("client will not receive response", "middleware.c", 1);
   return RCL_RET_TIMEOUT;
+}
+
+void __wrap_fm_log_failure(const struct fm_node * owner, const char * what);
+void __wrap_fm_log_failure(const struct fm_node * owner, const char * what)
+{
+  __wrap_fm_log(owner, FM_ERROR, "%s: %s", what, rcl_error_is_set() ? "rcl" : FM_NO_MEMORY);
+  rcl_reset_error();
+}
+
+struct fm_review * __real_fm_review_create(
+  const struct fm_reporter * reporter, const struct fm_facts * facts);
+struct fm_review * __wrap_fm_review_create(
+  const struct fm_reporter * reporter, const struct fm_facts * facts);
+struct fm_review * __wrap_fm_review_create(
+  const struct fm_reporter * reporter, const struct fm_facts * facts)
+{
+  return fails_to_review ? NULL : __real_fm_review_create(reporter, facts);
 }
 
 void * __real_realloc(void * bytes, size_t size);
@@ -534,6 +552,19 @@ static void what_is_wrong_is_refused_without_memory_for_its_words(void)
   CHECK(!sets_level("loud") && sets_level("error") && strcmp(level(), "error") == 0);
 }
 
+static void a_transition_that_fails_without_memory_is_logged(void)
+{
+  CHECK(fm_lifecycle_change(&node.lifecycle, 4));
+  fails_to_review = true;
+  fm_text_clear(&lines);
+  CHECK(!fm_lifecycle_change(&node.lifecycle, 3));
+  EXPECT_LINES(
+    "ERROR the node cannot be activated: memory is short\n"
+    "ERROR nothing is monitored until the node is active again\n");
+  fails_to_review = false;
+  CHECK(fm_lifecycle_change(&node.lifecycle, 3));
+}
+
 int main(int argc, char ** argv)
 {
   static const struct {const char * name; void (* run)(void);} tests[] = {
@@ -550,6 +581,7 @@ int main(int argc, char ** argv)
     {"life", a_thread_that_hangs_ends_the_signs_of_life},
     {"response", a_response_that_cannot_be_sent_is_logged},
     {"memory", what_is_wrong_is_refused_without_memory_for_its_words},
+    {"silent", a_transition_that_fails_without_memory_is_logged},
     {"text", a_text_that_was_freed_is_empty},
   };
   const int status = fm_monitor_node_begin(

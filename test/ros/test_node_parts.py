@@ -22,7 +22,7 @@ import pytest
 from ros.exported import exported_parts
 
 TESTS = ('retries', 'callback', 'overlap', 'many', 'leak', 'place', 'order', 'depth', 'seconds',
-         'clock', 'life', 'response', 'memory', 'text')
+         'clock', 'life', 'response', 'memory', 'silent', 'text')
 BUNDLE = """
 format: 1
 constants: {whole: 3, real: 2.0}
