@@ -82,11 +82,21 @@ static bool are_equal(const fm_parameter_value * one, const fm_parameter_value *
   return rcl_interfaces__msg__ParameterValue__are_equal(one, other);
 }
 
-// Whether a value that is given is a constant's. rcl reads a whole number that does not fit as a
-// double.
+// Whether a value that is given is a constant's: also in quotes, and a whole number for a decimal
+// one. rcl reads a whole number that does not fit as a double.
 static bool is_compiled_value(
   const fm_parameter_value * given, const fm_parameter_value * compiled)
 {
+  if (given->type == FM_WORD && compiled->type != FM_WORD) {
+    char * end = given->string_value.data;
+    (void)strtod(given->string_value.data, &end);
+    const fm_parameter_value found = value_of_constant(given->string_value.data);
+    return (found.type == FM_TRUTH || (*end == '\0' && end > given->string_value.data)) &&
+           is_compiled_value(&found, compiled);
+  }
+  if (given->type == FM_WHOLE && compiled->type == FM_REAL) {
+    return (double)given->integer_value == compiled->double_value;
+  }
   return given->type == FM_REAL && compiled->type == FM_WORD ?
          given->double_value == strtod(compiled->string_value.data, NULL) :
          are_equal(given, compiled);
@@ -516,7 +526,8 @@ static bool declare_constant(
   }
   if (!has_other_value(parameters, constant)) {  // a parameter shows one value
     put_declared(parameters, fm_text_get(&name),
-      "a constant of the bundle; compiled into this node", FM_AT_START, &value);
+      "a constant of the bundle; compiled into this node", FM_AT_START,
+      given != NULL && is_good && value.type != FM_WORD ? &given->value : &value);
   }
   fm_text_free(&name);
   return is_good;

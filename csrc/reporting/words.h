@@ -63,7 +63,7 @@
 #define FM_WORDS_NO_MARGINS \
   "parameter 'margins': it was compiled without margins: give --margins to compile or export"
 #define FM_WORDS_NO_MARGINS_OF_GATES "parameter 'margins': a gate has no margins"
-#define FM_WORDS_COUNT "a number of messages, at least 1"
+#define FM_WORDS_COUNT "a number of messages, 1 to 2147483647"
 #define FM_WORDS_READ_AT_START "%s: read at the start of the process only"
 #define FM_WORDS_READ_ONCE "%s: read when the node is configured, so deactivate and clean up first"
 #define FM_WORDS_NOT_WANTED "parameter '%s' is %s, and has to be %s"

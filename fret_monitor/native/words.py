@@ -47,7 +47,7 @@ COPIED = 'messages on %s are copied before they are read: '
 NO_SUPPORT = '%s has no type support for Fast DDS'
 NO_MARGINS = "parameter 'margins': it was compiled without margins: give --margins to compile or export"
 NO_MARGINS_OF_GATES = "parameter 'margins': a gate has no margins"
-COUNT = 'a number of messages, at least 1'
+COUNT = 'a number of messages, 1 to 2147483647'
 READ_AT_START = '%s: read at the start of the process only'
 READ_ONCE = '%s: read when the node is configured, so deactivate and clean up first'
 NOT_WANTED = "parameter '%s' is %s, and has to be %s"
@@ -66,7 +66,7 @@ POLICY = '%s of the subscription to %s; read at the start of the process%s'
 
 PARAMETERS = (
     ('hot_path', 'SWITCH', 'UNCONFIGURED', 'auto', 0, 0, 'one of auto, on, off', "whether the middleware's callbacks take the messages: auto (where this is known to work), on, off (they wake a thread that does); read by `configure`"),
-    ('handler_depth', 'COUNT', 'UNCONFIGURED', 1000, 1, 2147483647, 'a number of messages, at least 1', 'violations that a slow listener of one handler may be behind before it loses some; read by `configure`'),
+    ('handler_depth', 'COUNT', 'UNCONFIGURED', 1000, 1, 2147483647, 'a number of messages, 1 to 2147483647', 'violations that a slow listener of one handler may be behind before it loses some; read by `configure`'),
     ('log_violations', 'FLAG', 'UNCONFIGURED', True, 0, 0, 'true or false', 'whether the node logs violations and their ends; false if the logger does; read by `configure`'),
     ('verdicts', 'FLAG', 'UNCONFIGURED', False, 0, 0, 'true or false', 'whether the verdict of each requirement is published on copilot/verdict/ID; read by `configure`'),
     ('margins', 'FLAG', 'UNCONFIGURED', False, 0, 0, 'true or false', 'whether margins are published on copilot/margin, and shown with violations; read by `configure`'),

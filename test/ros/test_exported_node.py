@@ -112,7 +112,7 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
     partner: Partner, faults: Path,
 ) -> None:
     with running(exported_bundle(faults), '-r', '__node:=exported', '-p', 'handler_depth:=10',
-                 '-p', 'spec:=other.yaml', '-p', 'constants.limit:=0.7', '-p', 'odd:=1',
+                 '-p', 'spec:=other.yaml', '-p', 'constants.limit:="0.7"', '-p', 'odd:=1',
                  '-p', 'constants.most:=18446744073709551615', '-p', 'constant.most:=1',
                  '-p', 'frame_id:=map') as node:
         assert ("not monitored here: the gate 'numbers' judges KEPT. Run it: ros2 run fret_monitor"
@@ -139,9 +139,9 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
         values = call(partner, GetParameters, 'get_parameters', names=[
             'handler_depth', 'log_violations', 'constants.limit', 'constants.odd',
             'constants.most']).values
-        assert (values[0].integer_value, values[1].bool_value, values[2].double_value,
+        assert (values[0].integer_value, values[1].bool_value, values[2].string_value,
                 values[3].integer_value, values[4].string_value) == (
-                    10, True, 0.7, 9007199254740993, '18446744073709551615')
+                    10, True, '0.7', 9007199254740993, '18446744073709551615')
         described = call(partner, DescribeParameters, 'describe_parameters',
                          names=['handler_depth']).descriptors[0]
         assert described.description.startswith('violations that a slow listener')

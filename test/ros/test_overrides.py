@@ -118,12 +118,12 @@ WRONG = {
     '/b.subscription.reliability:=system_default':
         "is 'system_default', and has to be one of reliable, best_effort, best_available",
     '/c.subscription.history:=[a, b]': 'is a list, and has to be one of keep_last, keep_all',
-    '/x.subscription.depth:=0': 'is 0, and has to be a number of messages, at least 1',
-    '/a.subscription.depth:=true': 'is true, and has to be a number of messages, at least 1',
-    '/b.subscription.depth:="7"': "is '7', and has to be a number of messages, at least 1",
-    '/c.subscription.depth:=2.5': 'is 2.5, and has to be a number of messages, at least 1',
+    '/x.subscription.depth:=0': 'is 0, and has to be a number of messages, 1 to 2147483647',
+    '/a.subscription.depth:=true': 'is true, and has to be a number of messages, 1 to 2147483647',
+    '/b.subscription.depth:="7"': "is '7', and has to be a number of messages, 1 to 2147483647",
+    '/c.subscription.depth:=2.5': 'is 2.5, and has to be a number of messages, 1 to 2147483647',
     '/d.subscription.depth:=2147483648':
-        'is 2147483648, and has to be a number of messages, at least 1',
+        'is 2147483648, and has to be a number of messages, 1 to 2147483647',
     '/x.subscription.colour:=red':
         'is none: there are reliability, durability, history, depth',
     '/other.subscription.deadline:=1.0':
