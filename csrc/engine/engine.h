@@ -48,7 +48,7 @@
 #include "transforms.h"
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 38u
+#define FM_ENGINE_ABI 39u
 
 struct fm_engine;
 

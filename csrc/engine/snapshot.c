@@ -132,6 +132,15 @@ static void copy_nearest_locked(
   }
 }
 
+static void copy_inputs(const struct fm_evaluator * evaluator, struct fm_input_snapshot * inputs)
+{
+  for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
+    inputs[i] = (struct fm_input_snapshot) {
+      fm_evaluator_input_counts(evaluator, i), fm_evaluator_silence(evaluator, i),
+      fm_evaluator_has_value(evaluator, i)};
+  }
+}
+
 static void copy_kinds_locked(struct fm_engine * engine, struct fm_snapshot * out)
 {
   struct fm_scopes * scopes = engine->options.scopes;
@@ -145,10 +154,7 @@ static void copy_kinds_locked(struct fm_engine * engine, struct fm_snapshot * ou
       out->requirements[first + r] = fm_evaluator_requirement_counts(all, r);
     }
     copy_verdicts_locked(scopes, k, n, &out->requirements[first]);
-    for (uint32_t i = 0; i < all->monitor->n_inputs; ++i) {
-      out->kinds[k].inputs[i] = (struct fm_keyed_snapshot) {
-        fm_evaluator_input_counts(all, i), fm_evaluator_silence(all, i).count};
-    }
+    copy_inputs(all, out->kinds[k].inputs);
     for (uint32_t r = 0; r < n; ++r) {
       copy_nearest_locked(
         scopes, k, r, &out->kinds[k], &out->requirements[first + r].margin);
@@ -157,16 +163,6 @@ static void copy_kinds_locked(struct fm_engine * engine, struct fm_snapshot * ou
 }
 
 // ---- the bundle's scope, and topics ------------------------------------------------------------
-
-static void copy_inputs_locked(struct fm_engine * engine, struct fm_snapshot * out)
-{
-  const struct fm_evaluator * evaluator = engine->options.evaluator;
-  for (uint32_t i = 0; i < engine->options.monitor->n_inputs; ++i) {
-    out->inputs[i] = (struct fm_input_snapshot) {
-      fm_evaluator_input_counts(evaluator, i), fm_evaluator_silence(evaluator, i),
-      fm_evaluator_has_value(evaluator, i)};
-  }
-}
 
 static void copy_topics_locked(struct fm_engine * engine, struct fm_snapshot * out)
 {
@@ -204,7 +200,7 @@ void fm_engine_snapshot(struct fm_engine * engine, struct fm_snapshot * out)
   copy_conditions_locked(engine, out);
   copy_requirements_locked(engine, out);
   copy_kinds_locked(engine, out);
-  copy_inputs_locked(engine, out);
+  copy_inputs(engine->options.evaluator, out->inputs);
   copy_topics_locked(engine, out);
   out->time = engine->options.scopes == NULL ?
     fm_evaluator_time_counts(engine->options.evaluator) :

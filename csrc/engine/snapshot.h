@@ -48,18 +48,11 @@ struct fm_named_keys
   uint8_t keys[FM_MOST_NAMED_KEYS][FM_KEY_ROOM];
 };
 
-/// An input with a key: of all instances together.
-struct fm_keyed_snapshot
-{
-  struct fm_input_counts counts;
-  uint64_t silences;
-};
-
 /// Of a kind of instances.
 struct fm_kind_snapshot
 {
   struct fm_pool_counts counts;
-  struct fm_keyed_snapshot * inputs;   // n_inputs of its monitor
+  struct fm_input_snapshot * inputs;   // n_inputs of its monitor: counts of all instances
   struct fm_named_keys * violated;     // of its requirements that are reported
   struct fm_named_keys * unevaluated;  // the same, of listed keys alone: not evaluated yet
   struct fm_named_keys * nearest;      // that whose present margin is the least, if it is known

@@ -156,6 +156,7 @@ static void take_timeout(
     report->stamp = fm_later(cell->stored_at, limit);
   }
   input->silences += cell->is_silent ? 0u : 1u;
+  input->startups += cell->is_silent || cell->has_come ? 0u : 1u;
   cell->is_silent = true;
   fm_set_due(evaluator, i, FM_NEVER);
   if (input->violates) {

@@ -535,10 +535,11 @@ struct fm_topic_counts fm_evaluator_topic_counts(
 
 struct fm_silence fm_evaluator_silence(const struct fm_evaluator * evaluator, uint32_t input)
 {
-  struct fm_silence silence = {0, 0, false};
+  struct fm_silence silence = {0, 0, 0, false};
   if (input < evaluator->monitor->n_inputs) {
     const struct fm_instance_input * cell = &evaluator->instance.inputs[input];
     silence.count = evaluator->inputs[input].silences;
+    silence.startups = evaluator->inputs[input].startups;
     silence.is_silent = cell->is_silent;
     silence.lasted = !cell->is_silent ? evaluator->inputs[input].last_silence :
       fm_since(cell->stored_at, evaluator->instance.time->now);

@@ -211,6 +211,7 @@ struct fm_silence
 {
   uint64_t count;        // so far
   int64_t lasted;        // ns from the value before it until now, or the value that ended it
+  uint32_t startups;     // of `count`: no value had come at all; may wrap around
   bool is_silent;        // now
 };
 

@@ -38,6 +38,7 @@ struct fm_input_cell
   uint32_t room;         // of a rate: messages in the window
   uint32_t n_readers;
   uint32_t topic;
+  uint32_t startups;     // of the silences, those that `startup` ended in
   enum fm_source source;
   bool violates;
 };

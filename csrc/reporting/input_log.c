@@ -51,7 +51,7 @@ static void add_readers(
 
 static void log_begun(
   const struct fm_review * review, uint32_t topic, const struct fm_report_input * first,
-  bool has_come, bool is_again, struct fm_names * inputs, struct fm_lines * lines)
+  bool is_startup, bool is_again, struct fm_names * inputs, struct fm_lines * lines)
 {
   struct fm_names readers = {{NULL, 0, 0}, 0};
   struct fm_text link = {NULL, 0, 0};
@@ -60,8 +60,8 @@ static void log_begun(
   const bool is_broken = fm_add_missing_link(&link, review->reporter, topic);
   fm_lines_add(lines, is_error ? FM_ERROR : FM_WARN,
     "%sno usable value on %s within the %s of %g s for %s%s%s%s%s%s%s", is_again ? "again " : "",
-    review->names[topic], has_come ? "timeout" : "startup",
-    has_come ? first->timeout : first->startup, fm_names_get(inputs),
+    review->names[topic], is_startup ? "startup" : "timeout",
+    is_startup ? first->startup : first->timeout, fm_names_get(inputs),
     is_broken ? " (" : "", fm_text_get(&link), is_broken ? ")" : "",
     is_error ? ": " : "", is_error ? fm_names_get(&readers) : "",
     is_error ? " violated until one comes" : "");
@@ -78,7 +78,7 @@ static void review_silences(struct fm_review * review, uint32_t topic, struct fm
   struct fm_names begun = {{NULL, 0, 0}, 0};
   struct fm_names ended = {{NULL, 0, 0}, 0};
   int64_t lasted = 0;
-  bool has_come = false;
+  bool is_startup = true;
   bool is_again = false;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     const uint32_t input = fed->inputs[k];
@@ -88,7 +88,8 @@ static void review_silences(struct fm_review * review, uint32_t topic, struct fm
     review->flags[input] = about->is_timed_out && now->count > before->count;
     if (review->flags[input]) {
       first = first == NULL ? about : first;
-      has_come = has_come || review->now.inputs[input].counts.received > 0;
+      is_startup = is_startup &&
+        now->count - before->count == (uint32_t)(now->startups - before->startups);
       is_again = is_again || now->count > before->count + !before->is_silent;
       fm_names_add_quoted(&begun, about->name, "");
     }
@@ -98,7 +99,7 @@ static void review_silences(struct fm_review * review, uint32_t topic, struct fm
     }
   }
   if (first != NULL) {
-    log_begun(review, topic, first, has_come, is_again, &begun, lines);
+    log_begun(review, topic, first, is_startup, is_again, &begun, lines);
   }
   if (ended.n > 0) {
     fm_lines_add(lines, FM_INFO, "values on %s again after %.1f s, for %s",

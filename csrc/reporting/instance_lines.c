@@ -36,21 +36,16 @@ bool fm_find_fed(
     found = &table->kinds[kind].keyed[topic];
   }
   const uint32_t input = found->inputs[k];
-  if (kind == FM_BUNDLE) {
-    const struct fm_input_snapshot * now = &review->now.inputs[input];
-    const struct fm_input_snapshot * before = &review->before.inputs[input];
-    *fed = (struct fm_fed) {
-      &table->inputs[input], kind, input, now->counts.unusable,
-      now->counts.unusable - before->counts.unusable, now->silence.count,
-      now->silence.count - before->silence.count};
-  } else {
-    const struct fm_keyed_snapshot * now = &review->now.kinds[kind].inputs[input];
-    const struct fm_keyed_snapshot * before = &review->before.kinds[kind].inputs[input];
-    *fed = (struct fm_fed) {
-      &table->kinds[kind].inputs[input], kind, input, now->counts.unusable,
-      now->counts.unusable - before->counts.unusable, now->silences,
-      now->silences - before->silences};
-  }
+  const bool is_keyed = kind != FM_BUNDLE;
+  const struct fm_input_snapshot * now =
+    &(is_keyed ? review->now.kinds[kind].inputs : review->now.inputs)[input];
+  const struct fm_input_snapshot * before =
+    &(is_keyed ? review->before.kinds[kind].inputs : review->before.inputs)[input];
+  *fed = (struct fm_fed) {
+    &(is_keyed ? table->kinds[kind].inputs : table->inputs)[input], kind, input,
+    now->counts.unusable, now->counts.unusable - before->counts.unusable, now->silence.count,
+    now->silence.count - before->silence.count,
+    (uint32_t)(now->silence.startups - before->silence.startups)};
   return true;
 }
 
@@ -209,16 +204,27 @@ static void log_left_out(struct fm_review * review, uint32_t kind, struct fm_lin
   fm_text_free(&variables);
 }
 
+static void log_silent(
+  const struct fm_review * review, uint32_t topic, const struct fm_report_input * about,
+  bool is_startup, uint64_t n, struct fm_lines * lines)
+{
+  if (n > 0) {
+    fm_lines_add(lines, about->violates ? FM_ERROR : FM_WARN,
+      "no usable value on %s within the %s of %g s for '%s', of %" PRIu64 " instance%s",
+      review->names[topic], is_startup ? "startup" : "timeout",
+      is_startup ? about->startup : about->timeout, about->name, n, n == 1u ? "" : "s");
+  }
+}
+
 static void log_silences(
   const struct fm_review * review, uint32_t topic, struct fm_lines * lines)
 {
   struct fm_fed fed;
   for (uint32_t k = 0; fm_find_fed(review, topic, k, &fed); ++k) {
-    if (fed.kind != FM_BUNDLE && fed.about->is_timed_out && fed.new_silences > 0) {
-      fm_lines_add(lines, fed.about->violates ? FM_ERROR : FM_WARN,
-        "no usable value on %s within the timeout of %g s for '%s', of %" PRIu64 " instance%s",
-        review->names[topic], fed.about->timeout, fed.about->name, fed.new_silences,
-        fed.new_silences == 1u ? "" : "s");
+    if (fed.kind != FM_BUNDLE && fed.about->is_timed_out) {
+      const uint64_t n = fed.new_silences - fed.new_startups;
+      log_silent(review, topic, fed.about, true, fed.new_startups, lines);
+      log_silent(review, topic, fed.about, false, n, lines);
     }
   }
 }

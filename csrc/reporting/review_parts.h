@@ -175,6 +175,7 @@ struct fm_fed
   uint64_t new_unusable;  // since the look before, as the next but one
   uint64_t silences;
   uint64_t new_silences;
+  uint64_t new_startups;  // of these
 };
 
 /// Find the `k`-th input of a topic: first come those of the bundle's scope, then those with keys.

@@ -687,7 +687,7 @@ SCENARIO(a_snapshot_counts_the_instances_that_violate_and_names_the_first)
 {
   static const struct settings many = {FM_EVERY_MESSAGE, 0, -1, 100, 0, 12};
   static struct fm_named_keys violated[3], unevaluated[3], nearest[3];
-  struct fm_keyed_snapshot keyed[N_INPUTS];
+  struct fm_input_snapshot keyed[N_INPUTS];
   struct fm_kind_snapshot kind = {
     .inputs = keyed, .violated = violated, .unevaluated = unevaluated, .nearest = nearest};
   struct fm_requirement_counts counts[4];

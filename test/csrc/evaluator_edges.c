@@ -116,6 +116,7 @@ static void lift(struct fm_evaluator * const evaluator, const uint64_t more)
     evaluator->inputs[i].counts.unusable += more;
     evaluator->inputs[i].counts.overwritten += more;
     evaluator->inputs[i].silences += more;
+    evaluator->inputs[i].startups += (uint32_t)more;
     instance->inputs[i].received_at += more;
     evaluator->topics[i].counts.messages += more;
     evaluator->topics[i].counts.undecodable += more;

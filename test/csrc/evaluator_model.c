@@ -305,6 +305,7 @@ struct counters
   struct fm_input_counts inputs[MAX_INPUTS];
   struct fm_topic_counts topics[MAX_TOPICS];
   uint64_t silences[MAX_INPUTS];
+  uint32_t startups[MAX_INPUTS];
   int64_t lasted[MAX_INPUTS];  // the last silence that ended
   struct fm_time_counts time;
 };
@@ -790,6 +791,7 @@ static void model_timeout(uint32_t i)
     instant = model.last_value[i] + timeout_of(i);
     model.is_silent[i] = true;
     counters.silences[i] += 1;
+    counters.startups[i] += model.has_come[i] ? 0u : 1u;
   }
   model.due[i] = FM_NEVER;
   if (is_stale(i)) {
@@ -937,6 +939,7 @@ static void compare_silences(const struct fm_evaluator * evaluator)
       model.is_silent[i] ? model.now - model.last_value[i] : counters.lasted[i];
     AGREE("being silent", silence.is_silent == model.is_silent[i]);
     AGREE("the number of silences", silence.count == counters.silences[i]);
+    AGREE("silences before the first value", silence.startups == counters.startups[i]);
     AGREE("how long a silence lasted", silence.lasted == lasted);
   }
 }

@@ -20,12 +20,13 @@ from pathlib import Path
 import signal
 from time import sleep
 
-from bundles import spec_of
+from bundles import spec_of, write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.names import DETAILS_TOPIC
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from ros.exported import monitoring, NODES
 from ros.harness import answer_of, NodeProcess, Partner, started, wait_until
 from ros.operators import Operator
 from ros.received import Detail, read_detail
@@ -64,6 +65,16 @@ evaluation: {policy: periodic, period: 0.125}
 requirements:
   - {id: X, ptltl: "x < 2.0"}
   - {id: R, ptltl: "p"}
+"""
+SLOW = """
+format: 1
+for_each: {robot: [alpha, beta]}
+inputs:
+  v: {topic: v, type: std_msgs/msg/Float32, timeout: 0.5, startup: 3}
+  w: {topic: "/{robot}/w", type: std_msgs/msg/Float32, timeout: 0.5, startup: 3}
+requirements:
+  - {id: V, ptltl: "v < 2.0"}
+  - {id: W, ptltl: "w < 2.0"}
 """
 SIMULATED = ('-p', 'use_sim_time:=true')
 
@@ -294,3 +305,22 @@ def test_in_real_time_an_input_without_messages_is_reported_and_one_with_message
         assert 'no usable value on /x within the startup of 1.5 s' in node.output
         operator.wait(4)
         assert "s for 'y'" not in node.output, 'it may take ten seconds to start'
+
+
+@pytest.mark.parametrize('kind', NODES)
+def test_the_end_of_the_startup_is_logged_as_such_although_a_value_has_come_meanwhile(
+    partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path, kind: str,
+) -> None:
+    with monitoring(kind, write_bundle(tmp_path, SLOW), *SIMULATED) as node:
+        v = partner.publisher(Float32, 'v')
+        partner.wait_for_listener(v)
+        simulator.go(2.9)
+        operator.wait(1)  # the log is written now, and again after all that follows
+        simulator.go(0.6, speed=6.0)
+        v.publish(Float32(data=1.0))
+        node.wait_for('values on /v again after 3.')
+        node.wait_for("s for 'w', of")
+        found = [line.partition('no usable value ')[2] for line in node.output.splitlines()
+                 if 'no usable value ' in line]
+        assert found == ["on /v within the startup of 3 s for 'v'",
+                         "on /{robot}/w within the startup of 3 s for 'w', of 2 instances"]

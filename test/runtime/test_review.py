@@ -50,8 +50,8 @@ def silent(*, is_first: bool = False,
     """Return what lets inputs have silences: how many, seconds, whether they last."""
     def change(seen: Any) -> None:
         for place, (count, seconds, is_silent) in enumerate((x, y, z)):
-            seen.inputs[place].silence = (count, int(seconds * SECOND), is_silent)
-            seen.inputs[place].counts.received = 0 if is_first else 1
+            seen.inputs[place].silence = (
+                count, int(seconds * SECOND), count if is_first else 0, is_silent)
     return change
 
 
@@ -87,6 +87,42 @@ def test_a_silence_before_the_first_value_is_logged_with_the_startup(reviewed: R
     assert reviewed.lines(silent(is_first=True, x=now, z=now)) == [
         "ERROR no usable value on /robot/t within the startup of 3 s for 'x': R violated until "
         'one comes', "WARN no usable value on /robot/z within the startup of 10 s for 'z'"]
+
+
+@pytest.mark.parametrize('is_over', [True, False])
+def test_a_value_after_the_startup_makes_no_timeout_of_it(
+    reviewed: Reviewed, *, is_over: bool,
+) -> None:
+    reviewed.engine.advance(12 * SECOND)
+    if is_over:
+        reviewed.send(1, {'data': 0.5}, 12.0)
+    assert reviewed.lines()[1:] == [
+        "WARN no usable value on /robot/z within the startup of 10 s for 'z'",
+        *(["INFO values on /robot/z again after 11.0 s, for 'z'"] if is_over else [])]
+    if not is_over:
+        reviewed.send(1, {'data': 0.5}, 12.0)
+    reviewed.engine.advance(13 * SECOND)
+    assert reviewed.lines()[-1].endswith("the timeout of 0.5 s for 'z'")
+
+
+def test_the_silences_of_instances_are_of_the_startup_or_of_the_timeout(tmp_path: Path) -> None:
+    keyed = Reviewed(tmp_path, """
+format: 1
+for_each: {robot: [a, b, c]}
+inputs:
+  v: {topic: t, type: sensor_msgs/msg/Temperature, where: "header.frame_id = {robot}",
+      field: temperature, timeout: 0.5, startup: 3}
+requirements:
+  - {id: R, ptltl: "v < 1.0"}
+""", takes_instances=True)
+    line = ("WARN no usable value on /robot/t where header.frame_id = {robot} within the %s s for "
+            "'v', of %d instance%s")
+    keyed.send(0, {'header': {'frame_id': 'a'}}, 2.0)
+    keyed.engine.advance(5 * SECOND)
+    assert keyed.lines() == [line % ('startup of 3', 2, 's'), line % ('timeout of 0.5', 1, '')]
+    keyed.send(0, {'header': {'frame_id': 'b'}}, 5.0)
+    keyed.engine.advance(6 * SECOND)
+    assert keyed.lines() == [line % ('timeout of 0.5', 1, '')]
 
 
 def test_a_silence_of_the_engine_is_logged_and_is_the_status_of_its_topic(
