@@ -526,6 +526,18 @@ SCENARIO(a_reset_starts_the_groups_at_once)
   CHECK(count_of(QUIET) == 1 && is_found(QUIET, 90, 50) && is_found(SHORT, 90, 50));
 }
 
+SCENARIO(a_reset_forgets_what_was_due_before_it)
+{
+  struct fm_evaluator * evaluator = made();
+  PLAY(evaluator, AT(0), Q_AT(false, 10));
+  n_found += fm_evaluator_advance(evaluator, 100, &found[n_found]);
+  CHECK(fm_evaluator_deadline(evaluator) == 50);
+  fm_evaluator_reset(evaluator);
+  CHECK(fm_evaluator_deadline(evaluator) == 100);
+  n_found += fm_evaluator_advance(evaluator, 100, &found[n_found]);
+  CHECK(last_tick[QUIET] == 0 && last_tick[SHORT] == 0);
+}
+
 SCENARIO(a_restored_instance_is_due_when_it_was)
 {
   struct fm_evaluator * evaluator = made();
