@@ -28,35 +28,37 @@
 #define END_TOPIC "~/blackbox_end"
 #define END_TYPE "std_msgs/msg/Header"
 
-// Add the parts of a path but those that are empty or '.'.
-static void add_parts(struct fm_text * path, const char * folder)
+// Add the parts of a path but those that are empty or '.', each after a slash; returns the end.
+static char * add_parts(char * end, const char * folder)
 {
   while (*folder != '\0') {
     const size_t size = strcspn(folder, "/");
     if (size > 0 && (size != 1 || folder[0] != '.')) {
-      fm_text_add(path, "/%.*s", (int)size, folder);
+      *end = '/';
+      memcpy(end + 1, folder, size);
+      end += size + 1u;
     }
     folder += size + (folder[size] == '/' ? 1u : 0u);
   }
+  return end;
 }
 
-// Return the whole path of a folder; NULL if there is none, with errno.
+// Return the whole path of a folder; NULL if there is none, or memory is short.
 static const char * whole_path(struct fm_memory * memory, const char * folder)
 {
   const bool is_at_home = folder[0] == '~' && (folder[1] == '/' || folder[1] == '\0');
   const char * home = is_at_home ? getenv("HOME") : NULL;
   const char * first = home != NULL ? home : folder;
   char here[PATH_MAX] = "";
-  struct fm_text path = {NULL, 0, 0};
   if (first[0] != '\0' && first[0] != '/' && getcwd(here, sizeof(here)) == NULL) {
     return NULL;
   }
-  add_parts(&path, here);
-  add_parts(&path, home != NULL ? home : "");
-  add_parts(&path, home != NULL ? folder + 1 : folder);
-  const char * const whole = fm_reserve_text(memory, path.length == 0 ? "/" : fm_text_get(&path));
-  fm_text_free(&path);
-  return whole;
+  const char * rest = home != NULL ? folder + 1 : "";
+  char * path = fm_reserve(memory, strlen(here) + strlen(first) + strlen(rest) + 4u, 1);
+  if (path != NULL && add_parts(add_parts(add_parts(path, here), first), rest) == path) {
+    path[0] = '/';
+  }
+  return path;
 }
 
 static struct fm_blackbox_topic * list_topics(
@@ -99,7 +101,9 @@ bool fm_node_blackbox_begin(
   }
   const char * folder = whole_path(&box->memory, given);
   if (folder == NULL) {
-    fm_log(node, FM_ERROR, FM_WORDS_NO_WORKING_DIRECTORY, given);
+    if (!box->memory.is_short) {
+      fm_log(node, FM_ERROR, FM_WORDS_NO_WORKING_DIRECTORY, given);
+    }
     return false;
   }
   box->options = (struct fm_blackbox_options) {

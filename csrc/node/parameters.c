@@ -188,6 +188,7 @@ static void put_declared(
   struct fm_parameters * parameters, const char * name, const char * description,
   enum fm_settable settable, const fm_parameter_value * value)
 {
+  parameters->memory.is_short |= name[0] == '\0';
   put(&parameters->memory, &parameters->declared, &parameters->n_declared, name, description,
     settable, value);
 }
