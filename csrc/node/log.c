@@ -23,6 +23,7 @@
 #include <rcl/logging.h>
 #include <rcl/logging_rosout.h>
 #include <rcutils/logging.h>
+#include <stdio.h>
 #include <time.h>
 
 #include "thread.h"
@@ -97,14 +98,19 @@ void fm_log(const struct fm_node * node, enum fm_level level, const char * forma
   n_errors += level == FM_ERROR ? 1u : 0u;
   const bool is_enabled = rcutils_logging_logger_is_enabled_for(name, severities[level]);
   pthread_mutex_unlock(&mutex);
-  if (!is_enabled) {
+  const bool is_printed = node->is_starting && level == FM_ERROR;
+  if (!is_enabled && !is_printed) {
     return;
   }
   va_start(arguments, format);
   fm_text_add_arguments(&text, format, arguments);
   va_end(arguments);
-  write_text(
-    severities[level], name, "%s", text.bytes == NULL ? FM_NO_MEMORY : fm_text_get(&text));
+  const char * told = text.bytes == NULL ? FM_NO_MEMORY : fm_text_get(&text);
+  if (is_printed) {
+    fprintf(stderr, "error: %s\n", told);
+  } else {
+    write_text(severities[level], name, "%s", told);
+  }
   fm_text_free(&text);
 }
 

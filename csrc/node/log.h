@@ -30,6 +30,7 @@ struct fm_node
   rcl_context_t context;
   rcl_node_t node;
   rcl_allocator_t allocator;
+  bool is_starting;  // an error ends the process: it is printed as one, and not logged
 };
 
 /// Log to the terminal, the log file and /rosout, as the arguments of ROS say. Returns false, and

@@ -398,9 +398,11 @@ static bool start(struct fm_monitor_node * monitor)
     fm_log(&monitor->node, FM_INFO, FM_WORDS_WAITING);
     return true;
   }
-  return fm_lifecycle_change(
-    &monitor->lifecycle, lifecycle_msgs__msg__Transition__TRANSITION_CONFIGURE) &&
-         fm_lifecycle_change(
+  monitor->node.is_starting = true;  // before there are other threads
+  const bool is_configured = fm_lifecycle_change(
+    &monitor->lifecycle, lifecycle_msgs__msg__Transition__TRANSITION_CONFIGURE);
+  monitor->node.is_starting = false;
+  return is_configured && fm_lifecycle_change(
     &monitor->lifecycle, lifecycle_msgs__msg__Transition__TRANSITION_ACTIVATE);
 }
 

@@ -241,7 +241,7 @@ FM_SERVER(
     assign(&descriptor->description, found->description);
     descriptor->type = found->value.type;
     descriptor->read_only = found->settable == FM_AT_START;
-    descriptor->dynamic_typing = true;  // what a value has to be is checked when it is set
+    descriptor->dynamic_typing = !fm_parameter_is_of_rcl(found);  // as rclpy: others are checked
   }
 }
 

@@ -248,10 +248,9 @@ struct described
 
 static const struct described described[] = {
   FM_PARAMETERS
-  FM_PARAMETER("use_sim_time", FLAG, ALWAYS, false, 0, 0, "true or false",
-    "whether the time is that of /clock")
+  FM_PARAMETER("use_sim_time", FLAG, ALWAYS, false, 0, 0, "true or false", "")  // as rclpy's
   FM_PARAMETER("start_type_description_service", FLAG, AT_START, true, 0, 0, "true or false",
-    "whether the node offers ~/get_type_description")};
+    "If enabled, start the ~/get_type_description service.")};
 enum { N_DESCRIBED = sizeof(described) / sizeof(described[0]), N_OF_RCL = 2 };  // the last ones
 
 static const struct described * description_of(const char * name)
@@ -635,24 +634,45 @@ bool fm_parameters_begin(
   return is_good && !parameters->memory.is_short;
 }
 
-// Whether a parameter is one of `monitor` or `gate` that decides which node in C it becomes.
-static bool is_compiled(const char * name)
+// The parameters of `monitor` and `gate` that decide which node in C it becomes.
+static const char * const compiled[] = {
+  "gates", "spec", "library", "policy", "period", "rate", "metrics", "native", NULL};
+enum { N_COMPILED = sizeof(compiled) / sizeof(compiled[0]) - 1 };
+
+// Whether this node stands for `monitor` or `gate`.
+static bool is_stand_in(const struct fm_parameters * parameters)
 {
-  static const char * const compiled[] = {
-    "gates", "spec", "library", "policy", "period", "rate", "metrics", "native", NULL};
-  return is_among(name, compiled);
+  return parameters->tables->tables[0]->origin[0] != '\0';
+}
+
+// The names that are offered, in the order of the node in Python; returns how many.
+static uint32_t list_names(const struct fm_parameters * parameters, const char ** names)
+{
+  static const char * const of_gates[] = {"gates", NULL};
+  static const char * const of_monitors[] = {"period", "rate", NULL};
+  const bool is_gate = parameters->tables->tables[0]->gate != NULL;
+  uint32_t n = 0;
+  for (uint32_t k = 0; is_stand_in(parameters) && k < N_COMPILED; ++k) {
+    if (!is_among(compiled[k], is_gate ? of_monitors : of_gates)) {
+      names[n++] = compiled[k];
+    }
+  }
+  for (uint32_t k = 0; k < N_DESCRIBED - N_OF_RCL; ++k) {
+    names[n++] = described[k].name;
+  }
+  return n;
 }
 
 static void warn_of_unknown(const struct fm_parameters * parameters, const char * name)
 {
-  const char * names[N_DESCRIBED];
+  const char * names[N_COMPILED + N_DESCRIBED];
+  const uint32_t n = list_names(parameters, names);
   struct fm_text all = {NULL, 0, 0};
   struct fm_text hint = {NULL, 0, 0};
-  for (uint32_t k = 0; k < N_DESCRIBED - N_OF_RCL; ++k) {
-    names[k] = described[k].name;
+  for (uint32_t k = 0; k < n; ++k) {
     fm_text_join(&all, ", ", "%s", names[k]);
   }
-  if (!fm_text_add_hint(&hint, name, names, N_DESCRIBED - N_OF_RCL)) {
+  if (!fm_text_add_hint(&hint, name, names, n)) {
     fm_text_add(&hint, FM_WORDS_ALL_PARAMETERS, fm_text_get(&all));
   }
   fm_log(parameters->node, FM_WARN, FM_WORDS_IGNORED, name, fm_text_get(&hint));
@@ -671,9 +691,9 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
     {
       continue;
     }
-    if (is_compiled(name)) {
+    if (is_among(name, compiled)) {
       // Those of a node that stands for `monitor` have chosen this program; `metrics` is refused.
-      if (parameters->tables->tables[0]->origin[0] == '\0' && strcmp(name, "metrics") != 0) {
+      if (!is_stand_in(parameters) && strcmp(name, "metrics") != 0) {
         fm_log(parameters->node, FM_WARN, FM_WORDS_IGNORED, name,
           "the bundle is compiled into this node");
       }
@@ -715,6 +735,12 @@ void fm_parameters_end(struct fm_parameters * parameters)
 struct fm_parameter * fm_parameter_find(const struct fm_parameters * parameters, const char * name)
 {
   return find(parameters->declared, parameters->n_declared, name);
+}
+
+bool fm_parameter_is_of_rcl(const struct fm_parameter * parameter)
+{
+  const struct described * item = description_of(parameter->name);
+  return item != NULL && item >= described + N_DESCRIBED - N_OF_RCL;
 }
 
 bool fm_parameter_is_true(const struct fm_parameters * parameters, const char * name)

@@ -73,6 +73,9 @@ void fm_parameters_end(struct fm_parameters * parameters);
 struct fm_parameter * fm_parameter_find(
   const struct fm_parameters * parameters, const char * name);
 
+/// Whether each node of ROS declares it.
+bool fm_parameter_is_of_rcl(const struct fm_parameter * parameter);
+
 /// The value of a declared parameter.
 bool fm_parameter_is_true(const struct fm_parameters * parameters, const char * name);
 int64_t fm_parameter_whole(const struct fm_parameters * parameters, const char * name);

@@ -88,9 +88,10 @@ def _become(arguments: Sequence[str], given: Mapping[str, Any], node: str) -> st
 def _missing(settings: 'Settings') -> str:
     """Return which feature the node in C lacks; an empty text if it has all that is wanted."""
     if any(item.library is not None for item in settings.origins):
-        return 'it is built from the bundle, not from a folder of `compile`: give spec alone'
+        return ('the node in C is built from the bundle, not from a folder of `compile`: '
+                'give spec alone')
     if settings.metrics is not None:
-        return 'it serves no figures for Prometheus: leave metrics out'
+        return 'the node in C serves no figures for Prometheus: leave metrics out'
     return ''
 
 

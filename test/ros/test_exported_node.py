@@ -211,8 +211,9 @@ def test_what_cannot_be_used_ends_the_process_with_the_reason(
 ) -> None:
     file = faults.with_name('parameters.yaml')
     file.write_text('a:\n  fret_monitor:\n    ros__parameters: {handler_depth: -3}\n')
-    assert reason in ExportedNode(exported_bundle(faults), *(
+    told = ExportedNode(exported_bundle(faults), *(
         str(file) if item == 'FILE' else item for item in arguments)).error()
+    assert [line for line in told.splitlines() if line.startswith('error: ') and reason in line]
 
 
 @pytest.mark.parametrize(('word', 'told'), [

@@ -158,5 +158,5 @@ def test_the_node_in_c_leaves_metrics_to_the_node_in_python(
 ) -> None:
     with started('monitor', '-p', f'spec:={write_bundle(tmp_path, BUNDLE)}',
                  '-p', 'native:=true', '-p', 'metrics:=127.0.0.1:0') as monitor:
-        monitor.wait_for('native is not possible, the node runs in Python: it serves no figures '
-                         'for Prometheus: leave metrics out')
+        monitor.wait_for('native is not possible, the node runs in Python: the node in '
+                         'C serves no figures for Prometheus: leave metrics out')

@@ -174,8 +174,8 @@ def test_a_node_that_cannot_be_native_runs_in_python_and_says_why(
     folder = tmp_path / 'compiled'
     write(generate_monitor(read(bundle, part=UNGATED)), folder)
     with started('monitor', '-p', f'library:={folder}', *NATIVE) as node:
-        node.wait_for('native is not possible, the node runs in Python: it is built from the '
-                      'bundle, not from a folder of `compile`: give spec alone')
+        node.wait_for('native is not possible, the node runs in Python: the node in C is '
+                      'built from the bundle, not from a folder of `compile`: give spec alone')
         assert not is_native(node, bundle)
 
 
@@ -293,6 +293,33 @@ def test_mistakes_of_the_user_are_left_to_the_node_in_python(
         assert reason_of(*arguments) == ''
     assert become_native(['monitor', '--ros-args', '-p', f'spec:={bundle}']) == ''
     assert become_native(['monitor', '--help', '--ros-args', *NATIVE]) == ''
+
+
+@pytest.mark.parametrize('value', ['maybe', '1', '2.5'])
+def test_a_value_that_is_neither_true_nor_false_is_refused(
+    bundle: Path, domain: int, no_exec: pytest.MonkeyPatch, value: str,
+) -> None:
+    arguments = ('-p', f'spec:={bundle}', '-p', 'autostart:=false', '-p', f'native:={value}')
+    assert become_native(['monitor', '--ros-args', *arguments]) == ''
+    shown = f"'{value}'" if value == 'maybe' else value
+    assert NodeProcess('monitor', *arguments).error() == \
+        f"error: parameter 'native' is {shown}, and has to be true or false\n"
+
+
+@pytest.mark.parametrize(('name', 'node'), [('monitor', MONITOR), ('gate', GATE)])
+def test_the_names_that_are_offered_for_an_unknown_parameter_are_the_same_native_or_not(
+    bundle: Path, domain: int, name: str, node: str,
+) -> None:
+    program = program_of(bundle, node=node)
+    arguments = ['-p', f'spec:={bundle}', *(
+        word for wrong in ('polcy', 'frame_id', 'spek', 'gats', 'rte', 'natve', 'handler_dept')
+        for word in ('-p', f'{wrong}:=1'))]
+    with started(name, *arguments) as one, started(name, *arguments, *NATIVE) as other:
+        assert os.readlink(f'/proc/{other.process.pid}/exe') == program
+        python, native = (
+            re.findall('ignored parameter .*', process.output) for process in (one, other))
+    assert python == native and len(python) == 7
+    assert "'polcy': did you mean 'policy'" in python[0]
 
 
 NUMBERS = ('handler_depth', 'blackbox_seconds', 'blackbox_bytes', 'blackbox_files',

@@ -44,6 +44,7 @@ requirements:
   - {id: R-1, ptltl: "x < limit & x < a.b"}
 """
 NAMES = ('python', 'native')
+OF_ROS = ('use_sim_time', 'start_type_description_service')
 _TEXTS = ('hot_path', 'blackbox', 'processors', 'log_level')
 _FLAGS = tuple(name for name, item in OF_BOTH.items() if item.kind == 'FLAG')
 _NUMBERS = tuple(name for name in OF_BOTH if name not in (*_TEXTS, *_FLAGS))
@@ -189,7 +190,7 @@ def test_both_nodes_have_the_same_parameters_and_refuse_changes_in_the_same_word
                                GetParameters.Request(names=list(OF_BOTH)))
         assert answer.values[0].type == ParameterType.PARAMETER_BOOL
         asked.of_both(DescribeParameters, 'describe_parameters',
-                      DescribeParameters.Request(names=list(OF_BOTH)))
+                      DescribeParameters.Request(names=[*OF_BOTH, *OF_ROS]))
         wrong = (('nothing', 1), ('autostart', True), ('use_sim_time', 3), ('log_level', 'loud'),
                  ('log_level', None), ('hot_path', None), ('blackbox', False),
                  ('handler_depth', [1]), ('verdicts', 'yes'))

@@ -23,7 +23,8 @@ from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import is_integer, number_fault
 from fret_monitor.native import words
 from fret_monitor.ros.settings.parameters import (
-    check_settings, CONSTANT, CONSTANTS, Described, Given, KNOWN, OF_BOTH, Refusal,
+    check_settings, CONSTANT, CONSTANTS, Described, Given, KNOWN, MONITOR_PARAMETERS, OF_BOTH,
+    Refusal,
 )
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -70,7 +71,8 @@ class Parameters:
         values = self.values()
         given = Given(values)
         check_settings(given)
-        if not all(item.takes(values[name]) for name, item in OF_BOTH.items() if name in values):
+        if not all(MONITOR_PARAMETERS[name].takes(values[name]) for name in ('native', *OF_BOTH)
+                   if name in values):
             self._warn_of_ignored()
             raise Refusal(*given.problems)
 

@@ -94,7 +94,8 @@ MONITOR_PARAMETERS = {
                              'served for Prometheus, such as 127.0.0.1:9400; empty: nowhere; '
                              'read by `configure`'),
     'native': Described(False, 'whether the process becomes a node in C that is built for the '
-                               'bundle once; read at the start', read_only=True),
+                               'bundle once; read at the start', read_only=True, kind='FLAG',
+                        wanted=OF_BOTH['autostart'].wanted),
     **OF_BOTH,
 }
 CONSTANT = "a constant of a bundle, with a value in place of the bundle's; read by `configure`"
@@ -285,7 +286,7 @@ def read_settings(values: Mapping[str, Any]) -> Settings:
 def check_settings(given: Given) -> Settings:
     """Return the settings; what cannot be used is among the problems then."""
     origins, policy, period = _origins(given), given.checked('policy'), _period(given)
-    found = {name: given.checked(name) for name in OF_BOTH}
+    found = {name: given.checked(name) for name in ('native', *OF_BOTH)}
     hot_path = found['hot_path']
     return Settings(
         origins=origins, policy=Policy(policy) if policy else None, period=period,
