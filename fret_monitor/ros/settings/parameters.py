@@ -242,9 +242,9 @@ class Given:
         if wrong:
             hint = '' if wrong[0] is None else \
                 f"; quote it: -p '{name}:=\"{_written(wrong[0])}\"'"
+            kind = 'a name or a list of names' if name == 'gates' else 'a path or a list of paths'
             self.problems.append(words.NOT_WANTED % (
-                name, _listed(listed) if is_list else _shown(value),
-                f'a path or a list of paths{hint}'))
+                name, _listed(listed) if is_list else _shown(value), f'{kind}{hint}'))
             return []
         return [item for item in listed if item]
 
