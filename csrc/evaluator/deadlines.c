@@ -33,7 +33,6 @@ static void begin_time(struct fm_evaluator * evaluator, int64_t now)
   instance->time->has_begun = true;
   instance->time->now = now;
   instance->time->before = now;
-  instance->time->seen = now;
   instance->time->clock = now;
   instance->time->arrived = now;
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
@@ -108,6 +107,7 @@ void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by)
   if (evaluator->instance.time->has_begun) {
     fm_instance_shift(&evaluator->instance, by);
     fm_shift_measures(evaluator, by);
+    evaluator->seen = fm_later(evaluator->seen, by);
     fm_forget_deadline(evaluator);
   }
 }
@@ -230,7 +230,8 @@ static void move_time(struct fm_evaluator * evaluator, int64_t now)
     restart_time(evaluator, now);
   }
   if (now > time->now) {
-    time->before = time->seen > time->now && time->seen < now ? time->seen : time->now;
+    const int64_t seen = evaluator->seen;
+    time->before = seen > time->now && seen < now ? seen : time->now;
     time->now = now;
     time->clock = now > time->clock ? now : time->clock;
   }
@@ -238,7 +239,7 @@ static void move_time(struct fm_evaluator * evaluator, int64_t now)
 
 void fm_see_time(struct fm_evaluator * evaluator, int64_t now)
 {
-  evaluator->instance.time->seen = now;
+  evaluator->seen = now;
 }
 
 uint32_t fm_take_first_due(

@@ -300,7 +300,6 @@ void fm_instance_shift(const struct fm_instance * instance, int64_t by)
   struct fm_instance_time * time = instance->time;
   time->now = fm_later(time->now, by);
   time->before = fm_later(time->before, by);
-  time->seen = fm_later(time->seen, by);
   time->next_period = moved(time->next_period, by);
   time->clock = fm_later(time->clock, by);
   time->arrived = fm_later(time->arrived, by);

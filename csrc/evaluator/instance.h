@@ -71,7 +71,6 @@ struct fm_instance_time
 {
   int64_t now;
   int64_t before;        // the time from which it moved to `now`
-  int64_t seen;          // the latest that was seen to pass while nothing was due
   int64_t next_period;
   int64_t clock;         // the latest time that was told; under FM_TIMED `now` may be ahead of it
   int64_t arrived;       // not under FM_TIMED: when the latest message was received

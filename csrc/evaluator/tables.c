@@ -457,6 +457,7 @@ struct fm_evaluator * fm_evaluator_init(
   evaluator->policy = (enum fm_policy)options->policy;
   evaluator->period = evaluator->policy == FM_PERIODIC ? options->period : 0;
   evaluator->patience = options->patience;
+  evaluator->seen = INT64_MIN;
   evaluator->reports_recoveries = options->reports_recoveries;
   evaluator->wake = INT64_MIN;
   evaluator->measure_words = fm_measure_words(options);
