@@ -53,8 +53,8 @@ FM_INTERNAL bool fm_reach(struct fm_evaluator * evaluator, int64_t now);
 /// Whether fm_reach would let the time go back. O(1).
 FM_INTERNAL bool fm_goes_back(const struct fm_evaluator * evaluator, int64_t now);
 
-/// Note that a time passes at which nothing is due, without moving the time to it: what is found
-/// next was not late by more than the time since. O(1).
+/// Note that the clock has come to `now`, where nothing is due, without moving the time to it: the
+/// next move counts as one from there, which decides whether a timeout is put off. O(1).
 FM_INTERNAL void fm_see_time(struct fm_evaluator * evaluator, int64_t now);
 
 /// Leave out the first of more than FM_MOST_PERIODS_BEHIND due periods. O(1).

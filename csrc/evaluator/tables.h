@@ -97,7 +97,7 @@ struct fm_evaluator
   struct fm_time_counts counts;
   int64_t period;           // ns; 0: none
   int64_t patience;         // ns; 0: none
-  int64_t seen;             // the latest time that was seen to pass while nothing was due
+  int64_t seen;             // the latest time of fm_see_time; INT64_MIN: none
   int64_t wake;             // not after the deadline
   bool is_exact;            // wake is the deadline
   uint64_t measure_words;   // of the instance
